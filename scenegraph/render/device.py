@@ -1,0 +1,171 @@
+"""What a stage that needs "gl" gets as `frame.device`: VTK's OpenGL context, and the rows of the scene in it.
+
+A stage draws with moderngl into frame buffers of its own, inside `Device.guard`. Rows are uploaded once, in the arrays
+that VTK draws from, whatever number of stages asks for them.
+"""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .buffers import VERTEX_SHADER, RowBuffers
+from .context import context_of, depth_texture, guard, is_alive
+from .geometry import Geometry
+from .layout import F32, U8, Mask
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from ..snapshot import Snapshot
+    from ..view import View
+
+_NO_COLOR = """
+#version 330 core
+void main() {}
+"""
+
+
+class DepthTarget:
+    """A frame buffer with nothing but depth.
+
+    Attributes
+    ----------
+    width, height : int
+    texture : moderngl.Texture
+        The depth, for shaders that test against it.
+    framebuffer : moderngl.Framebuffer
+    """
+
+    def __init__(self, window: Any, width: int, height: int) -> None:
+        self.width, self.height = width, height
+        self.texture = depth_texture(window, (width, height))
+        # a plain value instead of the outcome of a comparison
+        self.texture.compare_func = ""
+        self.framebuffer = context_of(window).framebuffer(depth_attachment=self.texture)
+
+    def read(self) -> F32:
+        """(h, w) depth in window coordinates, 0 near to 1 far; row 0 is the lowest, as in the rectangles of `View`."""
+        data = self.framebuffer.read(components=1, attachment=-1, dtype="f4", alignment=1)
+        return np.frombuffer(data, np.float32).reshape(self.height, self.width)
+
+    def release(self) -> None:
+        """Free the frame buffer."""
+        self.framebuffer.release()
+        self.texture.release()
+
+
+class Device:
+    """GL services of one window.
+
+    Parameters
+    ----------
+    window : vtkRenderWindow or OffscreenWindow
+
+    Examples
+    --------
+    Depth of the rows that are still visible, in a stage::
+
+        with frame.device.guard():
+            target = frame.device.depth_target(frame.view.width, frame.view.height)
+            frame.device.draw_depth(target, frame.view, frame.snapshot, frame.visible)
+            depth = target.read()
+    """
+
+    def __init__(self, window: Any) -> None:
+        self.window: Any = getattr(window, "render_window", window)
+        self._gl: moderngl.Context | None = None
+        self._rows: RowBuffers | None = None
+        self._targets: dict[tuple[int, int], DepthTarget] = {}
+        self._depth_program: moderngl.Program | None = None
+
+    @property
+    def gl(self) -> moderngl.Context:
+        """The moderngl context of the window; use it inside `guard` only.
+
+        Raises
+        ------
+        GLError
+            moderngl is missing, or cannot attach to this kind of window.
+        """
+        current = context_of(self.window)
+        if current is not self._gl:
+            # the window has a new context, and what was made in the old one went with it
+            self._gl, self._rows, self._depth_program = current, None, None
+            self._targets = {}
+        return current
+
+    @property
+    def version_code(self) -> int:
+        """430 for OpenGL 4.3, the first with shader storage buffers."""
+        return int(self.gl.version_code)
+
+    def guard(self) -> AbstractContextManager[None]:
+        """Around all own GL calls, so that VTK's picture stays right; may not be nested."""
+        _ = self.gl
+        return guard(self.window)
+
+    def rows(self, snapshot: Snapshot) -> RowBuffers:
+        """All rows of a snapshot as vertex buffers, as they are now; inside `guard`."""
+        gl = self.gl
+        geometry = Geometry.shared(snapshot)
+        if self._rows is None or self._rows.geometry is not geometry:
+            if self._rows is not None:
+                self._rows.release()
+            self._rows = RowBuffers(gl, geometry)
+        self._rows.sync()
+        return self._rows
+
+    def depth_target(self, width: int, height: int) -> DepthTarget:
+        """A frame buffer of this size, the same one at every call; inside `guard`."""
+        _ = self.gl
+        if (width, height) not in self._targets:
+            self._targets[width, height] = DepthTarget(self.window, width, height)
+        return self._targets[width, height]
+
+    def draw_depth(
+        self,
+        target: DepthTarget,
+        view: View,
+        snapshot: Snapshot,
+        visible: Mask | None = None,
+        level: U8 | None = None,
+        *,
+        clear: bool = True,
+    ) -> None:
+        """Draw the depth of opaque rows, as VTK would; inside `guard`.
+
+        Parameters
+        ----------
+        target : DepthTarget
+        view : View
+            Its image is fitted to the target.
+        snapshot : Snapshot
+        visible : (n,) bool, optional
+            All rows by default.
+        level : (n,) uint8, optional
+            The finest level by default.
+        clear : bool
+            Forget what the target holds.
+        """
+        gl = self.gl
+        if self._depth_program is None:
+            self._depth_program = gl.program(vertex_shader=VERTEX_SHADER, fragment_shader=_NO_COLOR)
+        target.framebuffer.use()
+        gl.enable_only(gl.DEPTH_TEST)
+        gl.depth_func = "<="
+        if clear:
+            target.framebuffer.clear(depth=1.0)
+        self.rows(snapshot).draw(self._depth_program, view, visible=visible, level=level)
+
+    def close(self) -> None:
+        """Free what this device has made. Closing twice is allowed."""
+        if self._gl is not None and is_alive(self.window) and context_of(self.window) is self._gl:
+            with guard(self.window):
+                for resource in (self._rows, self._depth_program, *self._targets.values()):
+                    if resource is not None:
+                        resource.release()
+        self._gl, self._rows, self._depth_program = None, None, None
+        self._targets = {}
