@@ -1,0 +1,219 @@
+"""Replications: the numbers of a paper beside the numbers measured here.
+
+A plugin registers one with `scenegraph_register_replications`; it says which suites to run and which number of the
+paper each measured number stands beside. The host knows no paper by name.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from scenegraph.compare.command import progress_bar, writable_folder
+from scenegraph.compare.results import RunResult
+from scenegraph.compare.suite import suite_of
+from scenegraph.errors import ScenegraphError, nearest
+from scenegraph.log import FrameLog
+from scenegraph.progress import Progress
+from scenegraph.registry import Registry, registry
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One number of a paper's table, and its counterpart.
+
+    Attributes
+    ----------
+    table, scene, row, column, unit : str
+        Where the number stands, in the paper's words.
+    paper : float or None
+        None for what the paper does not have: rows that we add.
+    measured : float
+    """
+
+    table: str
+    scene: str
+    row: str
+    column: str
+    unit: str
+    paper: float | None
+    measured: float
+
+
+@dataclass
+class Replication:
+    """What a replication brings home.
+
+    Attributes
+    ----------
+    paper, title : str
+        The name on the command line; the paper.
+    cells : list of Cell
+    remarks : list of str
+        What must be known to read the numbers: what was changed, what has no counterpart, and why.
+    runs : dict
+        Summary of each suite that was run, by scene; see `scenegraph.compare.summary`.
+    """
+
+    paper: str
+    title: str
+    cells: list[Cell] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    runs: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+class Laboratory:
+    """What a replication works with.
+
+    Attributes
+    ----------
+    quick : bool
+        Few frames are wanted.
+    model : Path or None
+        A model file that the user has given.
+    folder : Path
+        Where files may be written.
+    """
+
+    def __init__(self, known: Registry, folder: Path, tell: Progress, *, quick: bool, model: Path | None) -> None:
+        self.known = known
+        self.folder = folder
+        self.quick = quick
+        self.model = model
+        self.results: dict[str, RunResult] = {}
+        self.summaries: dict[str, dict[str, Any]] = {}
+        self._tell = tell
+
+    def run(self, scene: str, suite: Mapping[str, Any]) -> dict[str, Any]:
+        """Run a suite, given as the table that a TOML file would hold, and return its summary.
+
+        Its report, frames and trace are written to a folder named after the scene.
+        """
+        from scenegraph.compare.command import write_run
+        from scenegraph.compare.judge import IN_LOG
+        from scenegraph.compare.runner import run_suite
+
+        checked = suite_of(dict(suite), self.known)
+        if self.quick:
+            checked = checked.quicker()
+        folder = writable_folder(self.folder / scene)
+
+        with FrameLog(stream=folder / "frames.csv", extra=(*IN_LOG, *self.known.metrics)) as log:
+            run = run_suite(
+                checked,
+                self.known,
+                log=log,
+                quick=self.quick,
+                tell=lambda what, share: self._tell(f"{scene}: {what}", share),
+            )
+            log.write_trace(folder / "trace.json")
+        run.command = shlex.join(["scenegraph", *sys.argv[1:]])
+        self.results[scene] = run
+        self.summaries[scene] = write_run(run, folder)
+        if run.interrupted:
+            raise KeyboardInterrupt
+        return self.summaries[scene]
+
+
+def replicate(
+    paper: str,
+    *,
+    quick: bool = False,
+    model: Path | None = None,
+    json_file: str | None = None,
+    out: Path | None = None,
+    known: Registry | None = None,
+) -> None:
+    """Run the replication of a paper, print its tables, and write `replication.html` and `replication.json`.
+
+    Raises
+    ------
+    ScenegraphError
+        No such replication, a model that cannot be read, or a folder that cannot be written.
+    """
+    known = known or registry()
+    if paper not in known.replications:
+        raise ScenegraphError(f"there is no replication {paper!r}.{nearest(paper, known.replications)}")
+    if model is not None and not model.exists():
+        raise ScenegraphError(f"there is no model file {str(model)!r}")
+    folder = writable_folder(out or Path("results") / paper)
+    if json_file not in (None, "-"):
+        writable_folder(Path(str(json_file)).parent)
+    with progress_bar() as tell:
+        laboratory = Laboratory(known, folder, tell, quick=quick, model=model)
+        found: Replication = known.replications[paper].build(laboratory)
+    found.runs = laboratory.summaries
+    text = json.dumps(as_json(found), indent=2) + "\n"
+    (folder / "replication.json").write_text(text, encoding="utf-8")
+    if json_file == "-":
+        sys.stdout.write(text)
+    elif json_file is not None:
+        Path(json_file).write_text(text, encoding="utf-8")
+    from scenegraph.compare.report import render_replication
+
+    (folder / "replication.html").write_text(render_replication(found, laboratory.results), encoding="utf-8")
+    console = Console(stderr=json_file == "-", width=None if sys.stdout.isatty() else 132, highlight=False)
+    for table in tables_of(found):
+        console.print(_rich_table(table))
+    for remark in found.remarks:
+        console.print(f"[dim]{remark}[/dim]")
+    console.print(f"Report: {folder / 'replication.html'}", soft_wrap=True)
+
+
+def as_json(found: Replication) -> dict[str, Any]:
+    """The content of `--json`: cells with a counterpart, our own rows apart, and the summaries of the runs."""
+    cells = [asdict(c) for c in found.cells if c.paper is not None]
+    added = [asdict(c) for c in found.cells if c.paper is None]
+    return {"paper": found.paper, "cells": cells, "added": added, "remarks": found.remarks, "runs": found.runs}
+
+
+@dataclass(frozen=True)
+class PaperTable:
+    """One table as it is shown: a line per row, and for each column the paper's number and ours."""
+
+    title: str
+    columns: tuple[tuple[str, str], ...]
+    rows: tuple[tuple[str, tuple[Cell | None, ...]], ...]
+
+
+def tables_of(found: Replication) -> list[PaperTable]:
+    """The cells as tables, in the order in which they were given."""
+    tables = []
+    for title, scene in dict.fromkeys((c.table, c.scene) for c in found.cells):
+        cells = [c for c in found.cells if (c.table, c.scene) == (title, scene)]
+        columns = tuple(dict.fromkeys((c.column, c.unit) for c in cells))
+        by_place = {(c.row, c.column, c.unit): c for c in cells}
+        rows = tuple(
+            (row, tuple(by_place.get((row, *column)) for column in columns))
+            for row in dict.fromkeys(c.row for c in cells)
+        )
+        tables.append(PaperTable(f"{title}: {scene}", columns, rows))
+    return tables
+
+
+def number(value: float | None) -> str:
+    """A number as short as a table wants it."""
+    if value is None or value != value:
+        return "–"
+    return f"{value:,.0f}".replace(",", " ") if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def _rich_table(table: PaperTable) -> Table:
+    shown = Table(title=table.title, title_justify="left", box=None, padding=(0, 2, 0, 0))
+    shown.add_column("")
+    for column, unit in table.columns:
+        name = f"{column}, {unit}" if unit else column
+        shown.add_column(f"{name}\npaper", justify="right", header_style="dim")
+        shown.add_column("\nhere", justify="right")
+    for row, cells in table.rows:
+        values = [(number(c.paper), number(c.measured)) if c else ("–", "–") for c in cells]
+        shown.add_row(row, *(text for pair in values for text in pair))
+    return shown
