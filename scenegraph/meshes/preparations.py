@@ -1,0 +1,40 @@
+"""What stages may need of a snapshot before their first frame, and the host knows how to make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import pluggy
+
+from ..progress import Progress
+
+if TYPE_CHECKING:
+    from ..snapshot import Snapshot
+    from .placing import SceneOccluders
+
+# The marker that `scenegraph.hookimpl` is; importing it from there would import the whole host.
+_hookimpl = pluggy.HookimplMarker("scenegraph")
+
+
+@_hookimpl
+def scenegraph_register_preparations(register: Callable[[str, Callable[..., Any], str], None]) -> None:
+    """Register the host's own preparations."""
+    register("occluders", occluders, "Occluders declared in the graph; where there are none, fitted into its meshes.")
+
+
+def occluders(snapshot: Snapshot, progress: Progress) -> SceneOccluders | None:
+    """Fit occluders into the most promising meshes, unless the graph declares some.
+
+    Returns
+    -------
+    SceneOccluders or None
+        What was fitted; None where there was no need.
+    """
+    if len(snapshot.occluders):
+        return None
+    from .placing import occluders_for
+
+    found = occluders_for(snapshot, progress=progress)
+    snapshot.adopt_occluders({entry.node: entry.occluders for entry in found.placed})
+    return found
