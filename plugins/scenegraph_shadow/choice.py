@@ -1,0 +1,96 @@
+"""From a pool of good occluders to the few that are used."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenegraph import View
+
+from .frusta import Bools, Floats, Ints, Shapes
+
+#: Columns and rows of samples on the far plane, for the marginal ranking.
+SAMPLES = (24, 14)
+
+#: What a sample is still worth under one more shadow. Not 0: what lies across the border of two shadows is in neither.
+WORTH = 0.25
+
+#: A share of the distance by which an occluder may stick out of another's shadow and still be dropped: dropping is
+#: safe.
+LENIENT = 1e-9
+
+
+def covered(shapes: Shapes, rows: Floats, good: Bools, most: int) -> Bools:
+    """(m,) which occluders add nothing, because the shadow of another one holds theirs.
+
+    Only the first `most` good ones are asked. Of two that hide each other, the one of lower rank goes.
+    """
+    m, p, _ = rows.shape
+    asked = np.flatnonzero(good)[:most]
+    boxes = np.ones((7, m))
+    low, high = shapes.points.min(axis=1), shapes.points.max(axis=1)
+    np.multiply(high + low, 0.5, out=boxes[:3])
+    np.multiply(high - low, 0.5, out=boxes[3:6])
+    depth = (rows.take(asked, axis=0).reshape(-1, 8)[:, :7] @ boxes).reshape(-1, p, m).min(axis=1)
+    holds = depth >= -LENIENT * np.abs(boxes[:6]).sum(axis=0)
+    holds[np.arange(len(asked)), asked] = False
+    earlier = asked[:, None] < np.arange(m)
+    mutual = np.zeros_like(holds)
+    mutual[:, asked] = holds[:, asked].T
+    return np.asarray((holds & (earlier | ~mutual)).any(axis=0))
+
+
+def by_solid_angle(shapes: Shapes, good: Bools) -> Ints:
+    """Positions of good occluders by falling solid angle; equal ones by number."""
+    which = np.flatnonzero(good)
+    # what rounding alone tells apart counts as equal
+    angle = shapes.solid_angles()[which].astype(np.float32)
+    return which[np.lexsort((shapes.ids[which], -angle))]
+
+
+def by_margin(rows: Floats, good: Bools, view: View, count: int) -> Ints:
+    """Positions of good occluders, each the one that adds most to those before it.
+
+    The measure is a grid of samples on the far plane. One that is in a shadow already counts less. Occluders that
+    reach no sample follow in the order of the pool.
+
+    Parameters
+    ----------
+    rows : (m, p, 8) float64
+    good : (m,) bool
+    view : View
+    count : int
+        As many as are wanted.
+    """
+    which = np.flatnonzero(good)
+    samples, planes = _samples(view), rows[which].reshape(-1, 8)
+    beyond = planes[:, :3] @ samples + planes[:, 6:7] > 0.0
+    whole = np.logical_and.reduce(beyond.reshape(len(which), rows.shape[1], samples.shape[1]), axis=1)
+    covers: NDArray[np.float32] = whole.astype(np.float32)
+    left: NDArray[np.float32] = np.ones(covers.shape[1], np.float32)
+    order: list[int] = []
+    free = np.ones(len(which), np.float32)
+    for _ in range(min(count, len(which))):
+        gain = (covers @ left) * free
+        best = int(np.argmax(gain))
+        if not np.max(gain) > 0.0:
+            break
+        order.append(best)
+        free[best] = 0.0
+        np.multiply(left, WORTH, out=left, where=covers[best] > 0.0)
+    order.extend(np.flatnonzero(free).tolist())
+    return which[np.array(order, np.int64)]
+
+
+def _samples(view: View) -> Floats:
+    """(3, s) points on the far plane, evenly over the window, relative to the eye."""
+    left, right, bottom, top = view.window
+    columns, rows = SAMPLES
+    x = left + (np.arange(columns) + 0.5) * ((right - left) / columns)
+    y = bottom + (np.arange(rows) + 0.5) * ((top - bottom) / rows)
+    points = np.stack([np.tile(x, rows), np.repeat(y, columns), np.full(columns * rows, -1.0)])
+    if view.is_parallel:
+        points[2] = -view.far
+    else:
+        points *= view.far
+    return np.asarray(view.axes.T @ points)

@@ -1,0 +1,164 @@
+"""Which occluders are worth looking at from an eye: scores, and the best of them without scoring all.
+
+Papaioannou et al. (2006), equations (3) and (4), after Coorg & Teller, "Real-time occlusion culling for models with
+large occluders", I3D 1997. The printed (3) has the same vector V in numerator and denominator and so the unit of a
+length, while (4) has none: which of two occluders wins would depend on the unit of the scene. By default V is a unit
+vector in the numerator, as in Coorg & Teller. In a parallel view nothing is nearer than anything else: what counts
+there is the size of the image.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenegraph import View
+
+from .catalog import Catalog
+
+Floats = NDArray[np.float64]
+
+
+class Scores:
+    """Scores of occluders from one eye, found block by block as views ask for them.
+
+    Views that share an eye share the scores: what one has looked at is not scored again for the next.
+
+    Parameters
+    ----------
+    catalog : Catalog
+    view : View
+    measure : "area_angle", "printed" or "image"
+        Unit-vector form of (3), and (4); (3) as printed, and (4); or half the surface over the squared distance,
+        which is about the largest solid angle that a convex shape can have there.
+    """
+
+    def __init__(self, catalog: Catalog, view: View, measure: str) -> None:
+        self.key = _key(catalog, view)
+        self._catalog = catalog
+        self._measure = measure
+        self._eye = np.asarray(view.eye)
+        self._forward = view.forward if view.is_parallel else None
+        self.scored = 0
+        to_block = catalog.block_center - self._eye[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if self._forward is None:
+                near = np.sqrt((to_block * to_block).sum(axis=0)) - catalog.block_radius
+                near = np.maximum(near, 0.0)
+            else:
+                near = np.ones(to_block.shape[1])
+            if measure == "image":
+                bound = catalog.block_image / near**2
+            else:
+                power = 1 if measure == "printed" else 2
+                bound = np.fmax(catalog.block_area / near**power, self._solid(catalog.block_volume, near**3))
+        #: No occluder of a block scores more; infinite where the eye may be among them.
+        self.bound = np.fmax(bound * (1.0 + 1e-6), 0.0)
+        self._to_block = to_block
+        self._score = np.zeros(catalog.ids.shape)
+        self._open = np.zeros(len(catalog.ids), bool)
+
+    def fits(self, catalog: Catalog, view: View) -> bool:
+        """Whether these are the scores for this view, too."""
+        return self.key == _key(catalog, view)
+
+    def _solid(self, volume: Floats, cubed: Floats) -> Floats:
+        return np.cbrt(volume) ** 2 if self._forward is not None else volume / cubed
+
+    def _scored(self, blocks: NDArray[np.int64]) -> tuple[Floats, Floats]:
+        """Scores of the occluders in blocks, and the ways to them (3, ...)."""
+        catalog = self._catalog
+        to = catalog.center.take(blocks, axis=1)
+        to -= self._eye[:, None, None]
+        if self._open.take(blocks).all():
+            return self._score.take(blocks, axis=0), to
+        with np.errstate(all="ignore"):
+            way = to
+            if self._forward is None:
+                squared = (to * to).sum(axis=0)
+                cubed = squared * np.sqrt(squared)
+            else:
+                way = np.broadcast_to(self._forward[:, None, None], to.shape)
+                squared = cubed = np.ones(to.shape[1:])
+            if self._measure == "image":
+                score = catalog.image.take(blocks, axis=0) / squared
+            else:
+                score = self._solid(catalog.volume.take(blocks, axis=0), cubed)
+                if catalog.has_polygons:
+                    facing = -(catalog.area.take(blocks, axis=1) * way).sum(axis=0)
+                    facing = np.where(catalog.one_sided.take(blocks, axis=0), facing, np.abs(facing))
+                    score += facing / (squared if self._measure == "printed" else cubed)
+            # not a number, or facing away
+            score[~(score > 0.0)] = 0.0
+            # what rounding alone tells apart counts as equal
+            score = score.astype(np.float32).astype(np.float64)
+        self.scored += int(np.count_nonzero(~self._open.take(blocks))) * score.shape[1]
+        self._score[blocks] = score
+        self._open[blocks] = True
+        return score, to
+
+    def best(self, planes: Floats, count: int, hint: float = np.inf) -> tuple[NDArray[np.int64], float]:
+        """The occluders with the highest scores that may be in a view.
+
+        Parameters
+        ----------
+        planes : (p, 4) float64
+            Planes of the view relative to the eye, inside is n·x + d ≥ 0.
+        count : int
+        hint : float
+            The score that the last of them may have; a good guess saves time and changes nothing else.
+
+        Returns
+        -------
+        ids : (up to count,) int64
+            By falling score; equal ones by number.
+        least : float
+            The score of the last.
+        """
+        catalog = self._catalog
+        level = planes[:, :3] @ self._to_block
+        level += planes[:, 3:]
+        unseen = np.where(level.min(axis=0) >= -catalog.block_radius, self.bound, 0.0)
+        ids: NDArray[np.int64] = np.zeros(0, np.int64)
+        score, reached = np.zeros(0), 0.0
+        # without a guess: twice as many blocks as would do if all their members counted
+        share = 2 * -(-count // catalog.ids.shape[1])
+        least = hint if hint < np.inf else _nth(unseen, share)
+        while True:
+            blocks = np.flatnonzero((unseen >= least) & (unseen > 0.0))
+            if len(blocks):
+                found, value = self._members(blocks, planes)
+                ids, score = np.concatenate([ids, found]), np.concatenate([score, value])
+                reached = max(_nth(score, count), 0.0)
+                unseen[blocks] = 0.0
+            most = unseen.max(initial=0.0)
+            if most == 0.0 or most < reached:
+                break
+            least = reached if reached > 0.0 else _nth(unseen, share)
+        keep = score >= reached
+        ids, score = ids[keep], score[keep]
+        order = np.lexsort((ids, -score))[:count]
+        return ids[order], float(score[order[-1]]) if len(order) else np.inf
+
+    def _members(self, blocks: NDArray[np.int64], planes: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """Occluders of some blocks that may be in a view, and their scores."""
+        catalog = self._catalog
+        score, to = self._scored(blocks)
+        level = planes[:, :3] @ to.reshape(3, -1)
+        level += planes[:, 3:]
+        inside = level.min(axis=0) >= -catalog.radius.take(blocks, axis=0).reshape(-1)
+        inside &= score.reshape(-1) > 0.0
+        good = np.flatnonzero(inside)
+        return catalog.ids.take(blocks, axis=0).reshape(-1).take(good), score.reshape(-1).take(good)
+
+
+def _nth(values: Floats, n: int) -> float:
+    """The n-th largest value, or minus infinity if there are fewer."""
+    if len(values) < n:
+        return -np.inf
+    return float(np.partition(values, len(values) - n)[len(values) - n])
+
+
+def _key(catalog: Catalog, view: View) -> tuple[object, ...]:
+    direction = tuple(view.forward.tolist()) if view.is_parallel else ()
+    return (id(catalog), catalog.snapshot.version, view.eye, direction)
