@@ -35,13 +35,14 @@ from scenegraph import OUT, PARTIAL, Batch, Frame, Guarantee, PipelineError, Sna
 from scenegraph.kernels.nearness import NearnessScale, nearness_scale
 from scenegraph.kernels.slices import slice_expand
 
+from .catalog import Catalog, Source, make_catalog
 from .gl import gl_map
 from .outlines import outlines_hidden
 from .overlap import hidden_by_cells, hidden_exactly
 from .owners import owned_rows_kept
 from .products import Footprint, LevelOfVisibility, OcclusionMap, map_visibility
 from .scan import Drawn, scan_map, texels_per_unit
-from .selection import Catalog, Ranking, Source, make_catalog, select
+from .selection import Ranking, select
 from .shapes import F64, I64
 
 
@@ -109,7 +110,7 @@ class Hom(Stage):
         """Work out what may be an occluder, once per set of rows."""
         source: Source = "meshes" if self.producer == "gl" else self.occluders
         self._catalog = snapshot.prepared(
-            f"hom {source} {self.triangles} {self.coarsest}",
+            f"hom {source} {self.triangles} {self.coarsest} {id(snapshot.occluders)}",
             lambda s: make_catalog(s, source=source, largest=self.triangles, coarsest=self.coarsest),
         )
 
@@ -121,6 +122,9 @@ class Hom(Stage):
         """Few candidates do not pay for a map."""
         if frame.visible_count < self.least:
             return f"only {frame.visible_count} candidates left"
+        if self._catalog is not None and self._catalog.occluders is not frame.snapshot.occluders:
+            # another pipeline has given the snapshot other occluders
+            self.open(frame.snapshot, None)
         if self._catalog is None or not len(self._catalog):
             return "nothing in the scene can be an occluder"
         return None

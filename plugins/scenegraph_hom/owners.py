@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scenegraph import Frame
 from scenegraph.kernels.slices import slice_expand
 
+from .catalog import Catalog
 from .products import OcclusionMap
 from .scan import Drawn
-from .selection import Catalog
 from .shapes import I64
 
 

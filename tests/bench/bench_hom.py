@@ -24,9 +24,9 @@ from scenegraph.kernels.projection import box_screen_rectangles
 from scenegraph.kernels.pyramids import map_count_pyramid, map_minimum_pyramid, map_sums
 from scenegraph.kernels.rectangles import rect_area, rect_minimum
 from scenegraph_hom import Hom, OcclusionMap, scan
+from scenegraph_hom.catalog import make_catalog
 from scenegraph_hom.overlap import hidden_by_cells, hidden_exactly
 from scenegraph_hom.products import map_visibility
-from scenegraph_hom.selection import make_catalog
 from scenegraph_hom.shapes import ShapeTable, occluder_shapes
 
 SIZE = (512, 256)
