@@ -35,14 +35,14 @@ class Catalog:
         World; NaN for padding, and for occluders that are not finite or have no extent.
     radius : (b, j) float64
         No vertex is farther from the center.
-    volume : (b, j) float64
-        0 for polygons.
+    bulk : (b, j) float64
+        Volume to the power 2/3: a face of the cube of the same volume. 0 for polygons.
     area : (3, b, j) float64
         Area times normal of polygons, 0 for solids.
     one_sided : (b, j) bool
     image : (b, j) float64
         Half the surface: no parallel projection is larger.
-    block_center : (3, b), block_radius, block_image, block_area, block_volume : (b,) float64
+    block_center : (3, b), block_radius, block_image, block_area, block_bulk : (b,) float64
         A ball around each block, and the largest values in it.
     has_polygons : bool
     warp : (f,) float64
@@ -63,11 +63,11 @@ class Catalog:
         blocks = -(-len(ids) // j)
         self.ids: NDArray[np.int64] = np.full((blocks, j), -1)
         self.center = np.full((3, blocks, j), np.nan)
-        self.radius, self.volume, self.image = (np.zeros((blocks, j)) for _ in range(3))
+        self.radius, self.bulk, self.image = (np.zeros((blocks, j)) for _ in range(3))
         self.area = np.zeros((3, blocks, j))
         self.one_sided = np.zeros((blocks, j), bool)
         self.block_center = np.zeros((3, blocks))
-        self.block_radius, self.block_image, self.block_area, self.block_volume = np.zeros((4, blocks))
+        self.block_radius, self.block_image, self.block_area, self.block_bulk = np.zeros((4, blocks))
         self.warp = np.zeros(len(table.areas))
         self._version = -1
         self._matrices: Floats | None = None
@@ -123,7 +123,7 @@ class Catalog:
         center[:, ~known] = np.nan
         for target, value in (
             (self.radius, radius),
-            (self.volume, np.where(solid, volume, 0.0)),
+            (self.bulk, np.where(solid, np.cbrt(volume) ** 2, 0.0)),
             (self.image, np.where(solid, 0.5, 1.0) * surface),
         ):
             target.reshape(-1)[place] = np.where(known, value, 0.0)
@@ -146,7 +146,7 @@ class Catalog:
         # rounded up: blocks are only ever left out because of what this says
         self.block_radius[blocks] = np.where(known, far, 0.0).max(axis=1) * (1.0 + 1e-12)
         self.block_image[blocks] = self.image[blocks].max(axis=1)
-        self.block_volume[blocks] = self.volume[blocks].max(axis=1)
+        self.block_bulk[blocks] = self.bulk[blocks].max(axis=1)
         self.block_area[blocks] = np.sqrt((self.area[:, blocks] ** 2).sum(axis=0)).max(axis=1)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scenegraph import OccluderTable, View
 from scenegraph.kernels.shadow_frusta import box_depth_in_frusta_exact
 from scenegraph.kernels.silhouettes import UNUSED, cone_shadow_rows
-from scenegraph.kernels.slices import slice_padded
+from scenegraph.kernels.slices import slice_expand, slice_padded
 from scenegraph.kernels.solid_angles import angle_solid_triangles
 from scenegraph.kernels.windows import point_outcodes
 
@@ -93,8 +93,8 @@ class Topology:
         Likewise.
     is_face : (f, c) float64
         1, or 0 for padding.
-    loops : (l, f, c) int
-        Vertices of each face.
+    corners : (f, c) int
+        First vertex of each face.
     ends, edge_faces : (2, e, c) int
         See `scenegraph.kernels.silhouettes`.
     """
@@ -112,8 +112,7 @@ class Topology:
         self.faces = slice_padded(zero, count).T.copy()
         self.is_face = (np.arange(len(self.faces))[:, None] < count).astype(np.float64)
         faces = self.faces + first_face
-        corner = slice_padded(table.loop_first[faces], table.loop_first[faces + 1])
-        self.loops = (table.loop[corner] - base[:, None]).transpose(2, 0, 1).copy()
+        self.corners = table.loop[table.loop_first[faces]] - base
         edge = slice_padded(table.edge_first[of], table.edge_first[of + 1]).T
         self.ends = (table.edges[edge] - base[:, None]).transpose(2, 0, 1).copy()
         sides = table.edge_faces[edge]
@@ -151,14 +150,18 @@ class Shapes:
         In a parallel view, areas of the images.
         """
         table, m = self._table, len(self.ids)
+        first, end = table.face_first[self.ids], table.face_first[self.ids + 1]
+        faces, whose = slice_expand(first, end), np.repeat(np.arange(m), end - first)
         if self.view.is_parallel:
-            faces = self._topology.faces[:, self._build] + table.face_first[self.ids]
             angle = table.areas[faces] * np.abs(table.normals[faces] @ self.view.forward)
         else:
-            corner = self.points.reshape(3, -1)[:, self._topology.loops[..., self._build] * m + np.arange(m)]
-            first = np.broadcast_to(corner[:, :1], corner[:, 2:].shape)
-            angle = np.abs(angle_solid_triangles(first, corner[:, 1:-1], corner[:, 2:]).sum(axis=0))
-        total = (angle * self._topology.is_face[:, self._build]).sum(axis=0)
+            # fans: a convex polygon's triangles all turn the same way
+            first, end = table.loop_first[faces], table.loop_first[faces + 1]
+            second, size = slice_expand(first + 1, end - 1), end - first - 2
+            corner = table.loop[np.stack([np.repeat(first, size), second, second + 1])]
+            a, b, c = (table.vertices[corner] - self.view.eye).transpose(0, 2, 1)
+            angle, whose = np.abs(angle_solid_triangles(a, b, c)), np.repeat(whose, size)
+        total = np.bincount(whose, angle, minlength=m).astype(np.float64)
         return np.asarray(total * np.where(table.solid[self.ids], 0.5, 1.0))
 
     def rows(self, window: Floats, most_faces: int) -> tuple[Floats, Bools]:
@@ -222,7 +225,7 @@ class Shapes:
             np.ascontiguousarray(table.normals.take(faces, axis=0).transpose(2, 0, 1)),
             table.areas.take(faces) * topology.is_face[:, build],
             self._warp.take(faces),
-            topology.loops[0][:, build],
+            topology.corners[:, build],
             topology.ends[..., build],
             topology.edge_faces[..., build],
             reach=reach,

@@ -3,8 +3,10 @@
 Papaioannou et al. (2006), equations (3) and (4), after Coorg & Teller, "Real-time occlusion culling for models with
 large occluders", I3D 1997. The printed (3) has the same vector V in numerator and denominator and so the unit of a
 length, while (4) has none: which of two occluders wins would depend on the unit of the scene. By default V is a unit
-vector in the numerator, as in Coorg & Teller. In a parallel view nothing is nearer than anything else: what counts
-there is the size of the image.
+vector in the numerator, as in Coorg & Teller, so that (3) is about a solid angle; and (4) is taken to the power 2/3,
+which makes it about a solid angle, too, and leaves the order of solids as it is. Without that a polygon beats any
+solid behind it that is not much nearer than its own size. In a parallel view nothing is nearer than anything else:
+what counts there is the size of the image.
 """
 
 from __future__ import annotations
@@ -29,8 +31,8 @@ class Scores:
     catalog : Catalog
     view : View
     measure : "area_angle", "printed" or "image"
-        Unit-vector form of (3), and (4); (3) as printed, and (4); or half the surface over the squared distance,
-        which is about the largest solid angle that a convex shape can have there.
+        Unit-vector form of (3), and (4) to the power 2/3; (3) and (4) as printed; or half the surface over the
+        squared distance, which is about the largest solid angle that a convex shape can have there.
     """
 
     def __init__(self, catalog: Catalog, view: View, measure: str) -> None:
@@ -49,9 +51,10 @@ class Scores:
                 near = np.ones(to_block.shape[1])
             if measure == "image":
                 bound = catalog.block_image / near**2
+            elif measure == "printed" and not view.is_parallel:
+                bound = np.fmax(catalog.block_area / near, (np.sqrt(catalog.block_bulk) / near) ** 3)
             else:
-                power = 1 if measure == "printed" else 2
-                bound = np.fmax(catalog.block_area / near**power, self._solid(catalog.block_volume, near**3))
+                bound = np.fmax(catalog.block_area, catalog.block_bulk) / near**2
         #: No occluder of a block scores more; infinite where the eye may be among them.
         self.bound = np.fmax(bound * (1.0 + 1e-6), 0.0)
         self._to_block = to_block
@@ -62,9 +65,6 @@ class Scores:
         """Whether these are the scores for this view, too."""
         return self.key == _key(catalog, view)
 
-    def _solid(self, volume: Floats, cubed: Floats) -> Floats:
-        return np.cbrt(volume) ** 2 if self._forward is not None else volume / cubed
-
     def _scored(self, blocks: NDArray[np.int64]) -> tuple[Floats, Floats]:
         """Scores of the occluders in blocks, and the ways to them (3, ...)."""
         catalog = self._catalog
@@ -73,21 +73,17 @@ class Scores:
         if self._open.take(blocks).all():
             return self._score.take(blocks, axis=0), to
         with np.errstate(all="ignore"):
-            way = to
-            if self._forward is None:
-                squared = (to * to).sum(axis=0)
-                cubed = squared * np.sqrt(squared)
-            else:
-                way = np.broadcast_to(self._forward[:, None, None], to.shape)
-                squared = cubed = np.ones(to.shape[1:])
-            if self._measure == "image":
-                score = catalog.image.take(blocks, axis=0) / squared
-            else:
-                score = self._solid(catalog.volume.take(blocks, axis=0), cubed)
-                if catalog.has_polygons:
-                    facing = -(catalog.area.take(blocks, axis=1) * way).sum(axis=0)
-                    facing = np.where(catalog.one_sided.take(blocks, axis=0), facing, np.abs(facing))
-                    score += facing / (squared if self._measure == "printed" else cubed)
+            way, squared = to, 1.0 if self._forward is not None else (to * to).sum(axis=0)
+            printed = self._measure == "printed" and self._forward is None
+            score = (catalog.image if self._measure == "image" else catalog.bulk).take(blocks, axis=0) / squared
+            if printed:
+                score *= np.sqrt(score)
+            if self._measure != "image" and catalog.has_polygons:
+                if self._forward is not None:
+                    way = self._forward[:, None, None]
+                facing = -(catalog.area.take(blocks, axis=1) * way).sum(axis=0)
+                facing = np.where(catalog.one_sided.take(blocks, axis=0), facing, np.abs(facing))
+                score += facing / (squared if printed else squared * np.sqrt(squared))
             # not a number, or facing away
             score[~(score > 0.0)] = 0.0
             # what rounding alone tells apart counts as equal

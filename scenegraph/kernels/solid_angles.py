@@ -1,4 +1,4 @@
-"""Solid angles of triangles and polygons seen from the eye.
+"""Solid angles of triangles seen from the eye.
 
 Van Oosterom & Strackee, "The solid angle of a plane triangle", IEEE Trans. Biomed. Eng. 30(2), 1983: exact for any
 triangle, and stable for thin ones, because no angle is computed from a cosine.
@@ -34,20 +34,3 @@ def angle_solid_triangles(
     side = 1.0 + (a * b).sum(axis=0) + (b * c).sum(axis=0) + (c * a).sum(axis=0)
     # from behind the corners run clockwise: the triple product is negative where they look counterclockwise
     return np.asarray(-2.0 * np.arctan2(volume, side))
-
-
-def angle_solid_polygon(points: NDArray[np.float64], /) -> float:
-    """Signed solid angle of one convex polygon, as a fan of triangles.
-
-    Parameters
-    ----------
-    points : (3, k) float64
-        Corners in order around the border, relative to the eye.
-
-    Returns
-    -------
-    float
-        Steradians, positive where the corners run counterclockwise seen from the eye.
-    """
-    first = np.broadcast_to(points[:, :1], (3, points.shape[1] - 2))
-    return float(angle_solid_triangles(first, points[:, 1:-1], points[:, 2:]).sum())

@@ -121,8 +121,8 @@ def occluders_for(
     source: Scene | Snapshot,
     *,
     max_meshes: int = 64,
-    max_nodes: int = 1000,
-    least_size: float = 0.01,
+    max_nodes: int = 5000,
+    least_size: float = 0.001,
     progress: Progress = silent,
     **settings: Any,
 ) -> SceneOccluders:
@@ -218,6 +218,7 @@ def _placed(snapshot: Snapshot, kept: list[tuple[int, FittedOccluder, MeshOcclud
     contents = _Contents(snapshot)
     out: dict[int, PlacedOccluders] = {}
     refused: dict[int, bool] = {}
+    samples: dict[int, Occluder] = {}
     for row, occluder, report in kept:
         node = snapshot.geodes[row]
         if occluder.is_solid:
@@ -229,9 +230,18 @@ def _placed(snapshot: Snapshot, kept: list[tuple[int, FittedOccluder, MeshOcclud
                 continue
         entry = out.setdefault(row, PlacedOccluders(node))
         name = f"{node.name or 'drawable'}: {occluder.kind} {len(entry.occluders) + 1}"
-        entry.occluders.append(occluder.node(owner=node, name=name))
+        if id(occluder) not in samples:
+            samples[id(occluder)] = occluder.node()
+        entry.occluders.append(_copied(samples[id(occluder)], node, name))
         report.placed += 1
     return list(out.values())
+
+
+def _copied(sample: Occluder, owner: Geode | Lod, name: str) -> Occluder:
+    """Another node with the same arrays: of thousands of drawables that share a mesh, only one needs a convex hull."""
+    node = Occluder(sample.kind, sample.vertices, sample.faces, two_sided=sample.two_sided, owner=owner, name=name)
+    node.outside_only = sample.outside_only
+    return node
 
 
 class _Contents:

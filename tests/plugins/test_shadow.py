@@ -285,7 +285,7 @@ def test_catalog_measures_only_what_has_moved(monkeypatch: pytest.MonkeyPatch) -
     assert measured == [3]
     fresh = Catalog(snapshot, "both")
     order, other = np.argsort(catalog.ids, axis=None), np.argsort(fresh.ids, axis=None)
-    for name in ("radius", "volume", "image"):
+    for name in ("radius", "bulk", "image"):
         assert np.allclose(getattr(catalog, name).reshape(-1)[order], getattr(fresh, name).reshape(-1)[other])
     assert np.allclose(catalog.center.reshape(3, -1)[:, order], fresh.center.reshape(3, -1)[:, other], equal_nan=True)
     assert np.allclose(catalog.warp, fresh.warp)

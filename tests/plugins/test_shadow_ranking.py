@@ -9,9 +9,11 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import scenegraph as sg
+from scenegraph.kernels.solid_angles import angle_solid_triangles
 from scenegraph.testing import box_at
 from scenegraph_shadow import Shadow, ShadowFrusta
 from scenegraph_shadow.catalog import Catalog, contained
+from scenegraph_shadow.frusta import Shapes, Topology
 from scenegraph_shadow.ranking import Scores
 from shadow_scenes import counts, run, street_views, town
 
@@ -41,7 +43,9 @@ def test_best_of_blocks_are_the_best_of_all(measure: str, options: dict[str, Any
                 score = area.sum() * (0.5 if table.solid[i] else 1.0) / distance**2
             elif table.solid[i]:
                 volume = ConvexHull(points).volume
-                score = volume ** (2 / 3) if options else volume / distance**3
+                score = (
+                    volume / distance**3 if measure == "printed" and not options else volume ** (2 / 3) / distance**2
+                )
             else:
                 score = abs(area[0] * table.normals[table.face_first[i]] @ toward) / distance ** (
                     2 if measure == "printed" else 3
@@ -75,6 +79,29 @@ def test_equal_scores_are_ordered_by_number() -> None:
         (frame,) = run(Shadow(ranking=ranking, active=4), scene.snapshot(), view)
         assert frame.get(ShadowFrusta).ids.tolist() == [0, 1, 2, 3]
         assert frame.visible_count == 4
+
+
+@pytest.mark.parametrize("options", [{}, {"parallel_scale": 9.0}], ids=str)
+def test_solid_angles_are_exact(options: dict[str, Any]) -> None:
+    """Shapes of different build at once; each against the triangles of its image's outline, seen from its middle."""
+    rng = np.random.default_rng(2)
+    angle = np.arange(9) * 2 * np.pi / 9
+    drum = np.concatenate([np.column_stack([np.cos(angle), np.sin(angle), 0 * angle + z]) for z in (0, 3)])
+    shapes = [drum + (3, 20, 0), rng.standard_normal((12, 3)) + (-4, 15, 1), drum[:9] @ np.diag([2, 1, 1]) + (0, 30, 2)]
+    nodes = [sg.Occluder.solid(p) for p in shapes[:2]] + [sg.Occluder.planar(shapes[2])]
+    table = sg.Scene().add(sg.Occluder.box((-9, 9, 0), (-8, 12, 1)), *nodes).snapshot().occluders
+    view = sg.View((0.3, -4, 7), (0, 20, 0), **options)
+    found = Shapes(table, Topology(table), np.zeros(len(table.areas)), np.arange(4), view).solid_angles()
+    for number, value in enumerate(found):
+        points = (table.points_of(number) - view.eye) @ view.axes.T
+        image = points[:, :2] if options else points[:, :2] / -points[:, 2:]
+        hull = ConvexHull(image)
+        if options:
+            assert value == pytest.approx(hull.volume, rel=1e-12)
+            continue
+        ring = np.insert(image[hull.vertices], 2, -1, axis=1).T
+        middle = np.repeat(ring.mean(axis=1, keepdims=True), ring.shape[1], axis=1)
+        assert value == pytest.approx(angle_solid_triangles(middle, ring, np.roll(ring, -1, axis=1)).sum(), rel=1e-12)
 
 
 def test_active_is_the_most_that_is_used() -> None:

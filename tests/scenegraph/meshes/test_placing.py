@@ -31,7 +31,8 @@ def test_meshes_are_taken_by_size_times_count() -> None:
     assert (len(found), found.meshes_left) == (7, 0)
     few = occluders_for(scene, max_meshes=1, **FAST)
     assert [m.mesh.name for m in few.meshes] == ["big"]
-    assert few.meshes_left == 1  # the smallest are not even counted
+    assert few.meshes_left == 2
+    assert occluders_for(scene, max_meshes=1, least_size=0.05, **FAST).meshes_left == 1  # the smallest do not count
     best = occluders_for(scene, least_size=0.0, max_nodes=2, **FAST)
     assert [p.node.mesh.name for p in best.placed if isinstance(p.node, sg.Geode)] == ["big", "cube"]
     assert best.meshes[2].notes == ["some left out, as others cover more (5; 2 are kept in all)"]
