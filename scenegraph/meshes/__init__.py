@@ -8,6 +8,7 @@ from .fitting import fit_occluders
 from .levels import SceneLevels, levels_for
 from .placing import MeshOccluders, PlacedOccluders, SceneOccluders, occluders_for
 from .simplification import level_chain, simplify
+from .tessellation import tessellate, tessellated_triangles, tessellation_chain
 
 __all__ = [
     "DiskCache",
@@ -23,4 +24,7 @@ __all__ = [
     "levels_for",
     "occluders_for",
     "simplify",
+    "tessellate",
+    "tessellated_triangles",
+    "tessellation_chain",
 ]

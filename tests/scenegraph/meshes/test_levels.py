@@ -56,7 +56,9 @@ def test_a_stage_that_needs_levels_gets_them():
     assert np.array_equal(snapshot.boxes, boxes), "a level lies in the box of its mesh"
     assert np.array_equal(snapshot.keys, keys)
     assert snapshot.meshes[: len(meshes)] == meshes, "numbers of meshes stay"
-    assert all(isinstance(g, sg.Geode) for g in source.root.walk() if g.name in {"a", "b", "c"}), "the graph is not touched"
+    assert all(isinstance(g, sg.Geode) for g in source.root.walk() if g.name in {"a", "b", "c"}), (
+        "the graph is not touched"
+    )
 
 
 def test_errors_are_in_world_units():
