@@ -56,7 +56,7 @@ def anywhere(snapshot: Snapshot, count: int, *, seed: int = 0, up: ArrayLike = (
         eyes = _above(ground, rise, rng) if ground is not None else low + (high - low) * rng.random((_TRIES, 3))
         gap = np.abs(eyes[:, :, None] - solid[:3]) - solid[3:]
         free = (gap.max(axis=1) > 1e-4 * size).all(axis=1)
-        views.append(_glance(eyes[int(np.argmax(free))], axes, size, rng))
+        views.append(_glance(eyes[int(np.argmax(free))], axes, size, rng, rise if ground is not None else None))
     return views
 
 
@@ -71,9 +71,13 @@ def _above(ground: Ground, rise: float, rng: np.random.Generator) -> Floats:
     return np.asarray(ground.origin + local @ ground.axes)
 
 
-def _glance(eye: Floats, axes: Floats, size: float, rng: np.random.Generator) -> View:
+def _glance(eye: Floats, axes: Floats, size: float, rng: np.random.Generator, rise: float | None) -> View:
+    """A view in any direction; a parallel one, where there is a ground, down from above all of it."""
     turn, tilt = rng.uniform(0, 2 * np.pi), rng.normal(0, 0.25)
-    forward = np.array([np.cos(turn) * np.cos(tilt), np.sin(turn) * np.cos(tilt), np.sin(tilt)]) @ axes
     scale = float(rng.uniform(0.02, 0.3)) * size if rng.random() < 0.125 else None
+    if scale is not None and rise is not None:
+        # its lines of sight start all over the near plane, which must not reach below the ground
+        eye, tilt = eye + (rise + scale) * axes[2], -0.2 - abs(tilt)
+    forward = np.array([np.cos(turn) * np.cos(tilt), np.sin(turn) * np.cos(tilt), np.sin(tilt)]) @ axes
     fov = float(rng.uniform(25, 100))
     return View(eye, eye + forward, axes[2], fov=fov, near=1e-4 * size, far=2 * size, parallel_scale=scale)
