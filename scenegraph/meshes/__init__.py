@@ -1,11 +1,14 @@
-"""What is derived from meshes: occluders fitted into them, and the disk cache that keeps such data."""
+"""What is derived from meshes: occluders fitted into them, coarser levels, and the disk cache for both."""
 
 from __future__ import annotations
 
 from .cache import DiskCache, cache_folder
 from .fitted import FittedOccluder, FittedOccluders
 from .fitting import fit_occluders
+from .levels import SceneLevels, levels_for
 from .placing import MeshOccluders, PlacedOccluders, SceneOccluders, occluders_for
+from .simplification import level_chain, simplify
+from .tessellation import tessellate, tessellated_triangles, tessellation_chain
 
 __all__ = [
     "DiskCache",
@@ -13,8 +16,15 @@ __all__ = [
     "FittedOccluders",
     "MeshOccluders",
     "PlacedOccluders",
+    "SceneLevels",
     "SceneOccluders",
     "cache_folder",
     "fit_occluders",
+    "level_chain",
+    "levels_for",
     "occluders_for",
+    "simplify",
+    "tessellate",
+    "tessellated_triangles",
+    "tessellation_chain",
 ]
