@@ -94,6 +94,17 @@ class RowBuffers:
         n = self.geometry.snapshot.n
         return np.ones(n, bool) if visible is None else visible, np.zeros(n, np.uint8) if level is None else level
 
+    def reach(self, view: View) -> float:
+        """World units: largest magnitude of the numbers that are added up to place a merged vertex in eye space.
+
+        Instances are placed relative to the eye, so that theirs is no more than their distance.
+        """
+        batches = [part for part in self._parts if isinstance(part, _BatchBuffers)]
+        return max(
+            (part.extent + float(np.linalg.norm(view.relative_eye(part.source.origin))) for part in batches),
+            default=0.0,
+        )
+
     def sync(self) -> None:
         """Upload what the geometry has rewritten."""
         for part in self._parts:
@@ -138,6 +149,7 @@ class _BatchBuffers(_Buffers):
         self.indices = gl.buffer(reserve=batch.faces.nbytes, dynamic=True)
         self._loaded: Mask | None = None
         self._count = 0
+        self.extent = _extent(batch)
 
     def draw(self, program: moderngl.Program, view: View, chosen: Mask) -> None:
         if not chosen.any():
@@ -153,6 +165,7 @@ class _BatchBuffers(_Buffers):
 
     def upload(self) -> None:
         self.vertices.write(np.ascontiguousarray(self.source.vertices))
+        self.extent = _extent(self.source)
         self._loaded = None
 
     def release(self) -> None:
@@ -189,6 +202,13 @@ class _InstanceBuffers(_Buffers):
         self.release_arrays()
         for buffer in (self.vertices, self.indices, self.rows, self.matrices):
             buffer.release()
+
+
+def _extent(batch: Batch) -> float:
+    """Bound of the finite coordinates of a batch, of all three together."""
+    with np.errstate(invalid="ignore"):
+        largest = np.nanmax(np.abs(batch.vertices), axis=0, initial=0.0, where=np.isfinite(batch.vertices))
+    return float(largest.sum())
 
 
 def _packed(matrices: F64) -> bytes:

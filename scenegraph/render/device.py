@@ -15,6 +15,7 @@ from .buffers import VERTEX_SHADER, RowBuffers
 from .context import context_of, depth_texture, guard, is_alive
 from .geometry import Geometry
 from .layout import F32, U8, Mask
+from .queries import BoxQueries
 
 if TYPE_CHECKING:
     import moderngl
@@ -80,6 +81,8 @@ class Device:
         self._rows: RowBuffers | None = None
         self._targets: dict[tuple[int, int], DepthTarget] = {}
         self._depth_program: moderngl.Program | None = None
+        #: Occlusion queries against a depth target.
+        self.queries = BoxQueries(self)
 
     @property
     def gl(self) -> moderngl.Context:
@@ -117,6 +120,10 @@ class Device:
             self._rows = RowBuffers(gl, geometry)
         self._rows.sync()
         return self._rows
+
+    def reach(self, view: View) -> float:
+        """Largest magnitude, in world units, of the coordinates in which rows are drawn in single precision."""
+        return self._rows.reach(view) if self._rows is not None else 0.0
 
     def depth_target(self, width: int, height: int) -> DepthTarget:
         """A frame buffer of this size, the same one at every call; inside `guard`."""
@@ -164,6 +171,7 @@ class Device:
         """Free what this device has made. Closing twice is allowed."""
         if self._gl is not None and is_alive(self.window) and context_of(self.window) is self._gl:
             with guard(self.window):
+                self.queries.close()
                 for resource in (self._rows, self._depth_program, *self._targets.values()):
                     if resource is not None:
                         resource.release()
