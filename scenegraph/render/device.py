@@ -14,7 +14,7 @@ import numpy as np
 from .buffers import VERTEX_SHADER, RowBuffers
 from .context import context_of, depth_texture, guard, is_alive
 from .geometry import Geometry
-from .layout import F32, U8, Mask
+from .layout import F32, I64, U8, Mask
 from .queries import BoxQueries
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ class Device:
         target: DepthTarget,
         view: View,
         snapshot: Snapshot,
-        visible: Mask | None = None,
+        visible: Mask | I64 | None = None,
         level: U8 | None = None,
         *,
         clear: bool = True,
@@ -150,8 +150,8 @@ class Device:
         view : View
             Its image is fitted to the target.
         snapshot : Snapshot
-        visible : (n,) bool, optional
-            All rows by default.
+        visible : (n,) bool or (k,) indices, optional
+            All rows by default. Indices cost as much as there are of them, however many rows there are.
         level : (n,) uint8, optional
             The finest level by default.
         clear : bool
