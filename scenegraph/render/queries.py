@@ -69,9 +69,10 @@ layout(early_fragment_tests) in;
 layout(std430, binding = 0) buffer Counts { uint counts[]; };
 flat in int box;
 void main() {
-    atomicAdd(counts[box], 1u);
+    @WAY@;
 }
 """
+_WAYS = {"count": "atomicAdd(counts[box], 1u)", "mark": "counts[box] = 1u"}
 
 #: Part of its slope (depth per pixel) by which a face comes nearer: interpolating steep faces is not exact.
 SLOPE = 1 / 16
@@ -97,6 +98,7 @@ class Ticket:
         self.kind = kind
         self.unknown = unknown
         self.samples = samples
+        self.largest = samples
         self.answers: I64 = np.full(len(unknown), samples, np.int64)
         #: Positions of the boxes that wait for an answer, and the query objects that will have it.
         self.waiting: list[int] = []
@@ -161,7 +163,15 @@ class BoxQueries:
 
     # -- one query object per box -----------------------------------------------------------------------------------
 
-    def issue(self, view: View, boxes: F64, target: DepthTarget, *, any_samples: bool = False) -> Ticket:
+    def issue(
+        self,
+        view: View,
+        boxes: F64,
+        target: DepthTarget,
+        *,
+        any_samples: bool = False,
+        groups: NDArray[np.integer] | None = None,
+    ) -> Ticket:
         """Ask about boxes without waiting; nothing is written into the target.
 
         Parameters
@@ -173,24 +183,31 @@ class BoxQueries:
         target : DepthTarget
         any_samples : bool
             Ask whether, not how many: answers are 0, 1, or the number of all samples for unknown boxes.
+        groups : (g + 1,) int, optional
+            One query for the boxes [groups[i], groups[i + 1]) together, whose samples are added up; unknown if one of
+            them is, or there are none. Without, one query for each box.
         """
         gl, drawn = self._attach()
         corners, unknown = self._corners(view, boxes, target.width, target.height)
+        first = np.arange(len(unknown) + 1) if groups is None else np.asarray(groups, np.int64)
+        before = np.concatenate([[0], np.cumsum(unknown)])
+        unknown = (before[first[1:]] > before[first[:-1]]) | (first[1:] <= first[:-1])
         kind = ANY_SAMPLES_PASSED if any_samples else SAMPLES_PASSED
         ticket = Ticket(gl, self._pool(), kind, unknown, target.width * target.height)
+        ticket.largest = ticket.samples * int(np.diff(first).max(initial=1))
         ticket.waiting = np.flatnonzero(~unknown).tolist()
         if ticket.waiting:
             ticket.names = self.objects.take(len(ticket.waiting), kind)
-            self._ask(drawn, corners, ticket, target)
+            self._ask(drawn, corners, (len(TRIANGLES) * first).tolist(), ticket, target)
         return ticket
 
-    def _ask(self, drawn: _Boxes, corners: F32, ticket: Ticket, target: DepthTarget) -> None:
+    def _ask(self, drawn: _Boxes, corners: F32, first: list[int], ticket: Ticket, target: DepthTarget) -> None:
         begin, end = self.objects.begin, self.objects.end
         drawn.load(corners)
         with _testing_only(drawn.gl, target):
             for position, name in zip(ticket.waiting, ticket.names, strict=True):
                 begin(name, ticket.kind)
-                drawn.plain.render(vertices=len(TRIANGLES), first=len(TRIANGLES) * position)
+                drawn.plain.render(vertices=first[position + 1] - first[position], first=first[position])
                 end(ticket.kind)
         self.objects.flush()
 
@@ -209,7 +226,7 @@ class BoxQueries:
         """
         if ticket.waiting:
             raw = self._collected(ticket) if self._is_current(ticket) else []
-            answers = self._believed(raw, len(ticket.waiting), ticket.samples)
+            answers = self._believed(raw, len(ticket.waiting), ticket.largest)
             ticket.answers[ticket.waiting] = np.minimum(answers, 1) if ticket.kind == ANY_SAMPLES_PASSED else answers
             ticket.done()
         return ticket.answers
@@ -225,8 +242,12 @@ class BoxQueries:
 
     # -- all boxes in one draw --------------------------------------------------------------------------------------
 
-    def count(self, view: View, boxes: F64, target: DepthTarget) -> I64:
-        """(k,) samples that each box has in front of the target, by one draw call; for parameters see `issue`."""
+    def count(self, view: View, boxes: F64, target: DepthTarget, *, any_samples: bool = False) -> I64:
+        """(k,) samples that each box has in front of the target, by one draw call; for parameters see `issue`.
+
+        Counting needs an atomic operation for each sample; asking only for `any_samples` does not, and costs half as
+        much where many are seen.
+        """
         gl, _ = self._attach()
         if not self._is_tested:
             self.fallback = self._why_not_batched(gl)
@@ -234,11 +255,12 @@ class BoxQueries:
             if self.fallback:
                 _log.warning("occlusion queries are asked one by one: %s", self.fallback)
         if self.fallback:
-            return self.result(self.issue(view, boxes, target))
+            return self.result(self.issue(view, boxes, target, any_samples=any_samples))
         corners, unknown = self._corners(view, boxes, target.width, target.height)
         k, samples = len(unknown), target.width * target.height
         # the known box comes last: the others keep their numbers
-        raw = self.read_counts(np.concatenate([corners, _known_box(target)]), target)
+        way = "mark" if any_samples else "count"
+        raw = self.read_counts(np.concatenate([corners, _known_box(target)]), target, way)
         answers = self._believed(raw, k + 1, samples)
         if k and answers[k] == 0:
             _log.warning("a box next to the near plane was not counted; %d boxes count as visible", k)
@@ -247,14 +269,14 @@ class BoxQueries:
         answers[:k][unknown] = samples
         return answers[:k]
 
-    def read_counts(self, corners: F32, target: DepthTarget) -> NDArray[np.uint32]:
-        """(k,) what the shader counts for boxes given by their corners (k, 8, 4) in clip space."""
+    def read_counts(self, corners: F32, target: DepthTarget, way: str = "count") -> NDArray[np.uint32]:
+        """(k,) what the shader counts, or marks, for boxes given by their corners (k, 8, 4) in clip space."""
         gl, drawn = self._attach()
         drawn.load(corners)
         counts = drawn.cleared_counts(len(corners))
         with _testing_only(gl, target):
             counts.bind_to_storage_buffer(0)
-            drawn.counting.render(vertices=len(TRIANGLES) * len(corners))
+            drawn.counting(way).render(vertices=len(TRIANGLES) * len(corners))
         # without both, what is read may be older than what was drawn
         gl.memory_barrier()
         gl.finish()
@@ -347,12 +369,12 @@ class _Boxes:
         """Draws box i with `first=36 * i, vertices=36`."""
         return self._array("plain")
 
-    @property
-    def counting(self) -> Any:
-        """Draws k boxes with `vertices=36 * k`, and counts."""
-        if "counting" not in self._programs:
-            self._programs["counting"] = self.gl.program(vertex_shader=_VERTEX, fragment_shader=_COUNT)
-        return self._array("counting")
+    def counting(self, way: str) -> Any:
+        """Draws k boxes with `vertices=36 * k`; "count" counts their samples, "mark" sets those to 1 that have any."""
+        if way not in self._programs:
+            shader = _COUNT.replace("@WAY@", _WAYS[way])
+            self._programs[way] = self.gl.program(vertex_shader=_VERTEX, fragment_shader=shader)
+        return self._array(way)
 
     def _array(self, name: str) -> Any:
         if name not in self._arrays:

@@ -1,0 +1,175 @@
+"""Coherent hierarchical culling: what was visible is drawn without waiting, what was hidden is asked about meanwhile.
+
+CHC: algorithms 1 to 4 of Charalambos, after Bittner et al. 2004. CHC++, Mattausch et al. 2008: previously hidden nodes
+are gathered and asked about together (section 4), several that have been hidden for long by one query (section 5.1,
+eqs. 1 to 3), visible ones not in every frame (section 5.2), and a node by the boxes of its children where these are
+tighter (section 6). The probability that a node hidden for t frames stays so is theirs, 0.99 - 0.7 exp(-t).
+
+Which question is next depends on answers, so that there is a loop over queries in Python: about 10 µs for each beside
+what OpenGL takes. Whatever is known about several at once is worked on as arrays.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenegraph.kernels.boxes import box_area
+
+from .asking import F64, Asking
+from .history import I64, Mask
+from .opening import Entry, Opening
+
+#: Children's boxes replace that of a node if their surfaces together are at most so many times its own.
+TIGHT = 1.4
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How CHC++ asks: `batch` nodes together, `multi` of them by one query, by `tight` bounds. CHC: (1, no, no)."""
+
+    batch: int
+    multi: bool
+    tight: bool
+
+
+@dataclass
+class _Asked:
+    """A ticket; group i of it is about numbers[first[i] : first[i + 1]]."""
+
+    ticket: Any
+    numbers: I64
+    first: I64
+    boxes: F64
+    groups: I64
+
+
+def coherent(asking: Asking, schedule: Schedule, *, retest: bool) -> None:
+    """Find what is visible.
+
+    Parameters
+    ----------
+    asking : Asking
+    schedule : Schedule
+    retest : bool
+        Visible drawables are asked about at the end, all at once, and not one by one on the way.
+    """
+    _Coherent(asking, schedule, retest=retest).run()
+
+
+class _Coherent:
+    def __init__(self, asking: Asking, schedule: Schedule, *, retest: bool) -> None:
+        self.asking, self.schedule = asking, schedule
+        self.opening = Opening(asking)
+        self.heap: list[Entry] = self.opening.start()
+        self.queue: deque[_Asked] = deque()
+        self.hidden_before: list[int] = []
+        tree = asking.tree
+        # visibility pulled up: a node was visible if anything below it was
+        visible = np.concatenate([[0], np.cumsum(asking.was, dtype=np.int32)])
+        self.was: Mask = np.concatenate([visible[tree.end] > visible[tree.first], asking.was])
+        self.again: Mask = asking.was & ~asking.assumed & (not retest)
+
+    def run(self) -> None:
+        while self.heap or self.queue or self.hidden_before:
+            while self.queue and (not self.heap or self._is_ready()):
+                self._process(self.queue.popleft())
+            if self.heap:
+                self._visit(heapq.heappop(self.heap)[1])
+            if self.hidden_before and (not self.heap or len(self.hidden_before) >= self.schedule.batch):
+                self._ask_hidden()
+
+    def _is_ready(self) -> bool:
+        return bool(self.asking.queries.ready(self.queue[0].ticket).all())
+
+    def _visit(self, number: int) -> None:
+        if not self.was[number]:
+            self.hidden_before.append(number)
+            return
+        row = number - self.opening.nodes
+        one = np.array([number])
+        if row >= 0 and self.again[row]:
+            self._issue(one, np.array([0, 1]))
+        self._open(one)
+
+    def _open(self, numbers: I64) -> None:
+        for entry in self.opening.open(numbers):
+            heapq.heappush(self.heap, entry)
+
+    # -- asking -----------------------------------------------------------------------------------------------------
+
+    def _ask_hidden(self) -> None:
+        numbers = np.array(self.hidden_before)
+        self.hidden_before.clear()
+        if not self.schedule.multi:
+            self._issue(numbers, np.arange(len(numbers) + 1))
+            return
+        frames = self._hidden_for(numbers)
+        order = np.argsort(-frames, kind="stable")
+        self._issue(numbers[order], multiqueries(0.99 - 0.7 * np.exp(-frames[order].astype(float))))
+
+    def _issue(self, numbers: I64, first: I64) -> None:
+        boxes, start = self._proxies(numbers) if self.schedule.tight else (self.opening.boxes(numbers), None)
+        groups = first if start is None else start[first]
+        self.queue.append(_Asked(self.asking.issue(boxes, groups), numbers, first, boxes, groups))
+
+    def _proxies(self, numbers: I64) -> tuple[F64, I64]:
+        """Boxes that stand for nodes and rows: own ones, or those of the children; and where each one's start."""
+        boxes = self.opening.boxes(numbers)
+        nodes = np.flatnonzero(~self.opening.is_row(numbers))
+        count = np.ones(len(numbers), np.int64)
+        parts = [numbers[i : i + 1] for i in range(len(numbers))]
+        for i in nodes.tolist():
+            below = self.opening.below(numbers[i : i + 1])
+            if box_area(self.opening.boxes(below)).sum() <= TIGHT * box_area(boxes[:, i : i + 1])[0]:
+                parts[i], count[i] = below, len(below)
+        start = np.concatenate([[0], np.cumsum(count)])
+        return self.opening.boxes(np.concatenate(parts)), start
+
+    def _hidden_for(self, numbers: I64) -> I64:
+        """(k,) frames for which nodes and rows have been hidden, of a node all of it that is in the frustum."""
+        tree, nodes = self.asking.tree, self.opening.nodes
+        frames = np.append(np.where(self.asking.candidates, self.asking.before.hidden_for, np.iinfo(np.int32).max), 0)
+        rows = self.opening.is_row(numbers)
+        inner = np.where(rows, 0, numbers)
+        first = np.where(rows, numbers - nodes, tree.first[inner])
+        end = np.where(rows, numbers - nodes + 1, tree.end[inner])
+        # of two neighbors, every second slice is one that was asked for
+        found: I64 = np.minimum.reduceat(frames, np.stack([first, end], axis=1).ravel())[::2].astype(np.int64)
+        return found
+
+    # -- answers ----------------------------------------------------------------------------------------------------
+
+    def _process(self, asked: _Asked) -> None:
+        seen = self.asking.answered(asked.ticket, asked.boxes, asked.groups)
+        size = np.diff(asked.first)
+        each = np.repeat(seen, size)
+        self.opening.hide(asked.numbers[~each])
+        again = each & np.repeat(size > 1, size)
+        if again.any():
+            numbers = asked.numbers[again]
+            self._issue(numbers, np.arange(len(numbers) + 1))
+        found = asked.numbers[each & ~again]
+        self.opening.mark_asked(found)
+        # what was visible before is drawn, and opened, already
+        self._open(found[~self.was[found]])
+
+
+def multiqueries(keep: F64) -> I64:
+    """(g + 1,) where queries start that are worth most: number of nodes over the expected number of queries.
+
+    Parameters
+    ----------
+    keep : (k,) float
+        Probability that each node stays hidden, falling.
+    """
+    first = [0]
+    while first[-1] < len(keep):
+        size = np.arange(1, len(keep) - first[-1] + 1)
+        cost = 1 + (1 - np.cumprod(keep[first[-1] :])) * size
+        first.append(first[-1] + 1 + int(np.argmax(size / cost)))
+    return np.array(first)
