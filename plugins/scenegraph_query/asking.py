@@ -28,6 +28,8 @@ class Asking:
         A box is seen if it has more samples than this.
     supersample : int
         Samples of the query buffer per pixel and axis.
+    margin : float
+        Samples by which boxes are grown on the screen.
     due : (n,) bool
         Rows that are asked about in this frame although they were visible in the last.
 
@@ -45,9 +47,10 @@ class Asking:
         Rows that were asked about in this frame, or a node above them.
     """
 
-    def __init__(self, frame: Frame, *, threshold: int, supersample: int, due: Mask) -> None:
+    def __init__(self, frame: Frame, *, threshold: int, supersample: int, margin: float, due: Mask) -> None:
         self.frame, self.snapshot, self.view, self.device = frame, frame.snapshot, frame.view, frame.device
         self.threshold = threshold
+        self._options = {"any_samples": threshold == 0, "margin": margin}
         self.tree = frame.snapshot.tree
         self.queries: Any = frame.device.queries
         self.target: Any = frame.device.depth_target(frame.view.width * supersample, frame.view.height * supersample)
@@ -65,7 +68,7 @@ class Asking:
         self._seen: list[Mask] = []
         self.passes = self.drawn = self.asked_count = 0
         self.distrusted = -int(self.queries.distrusted)
-        self.target.framebuffer.clear(depth=1.0)
+        self.target.clear()
 
     def _hide_outside(self) -> None:
         planes = self.view.planes(self.snapshot.origin)
@@ -101,7 +104,7 @@ class Asking:
         if not boxes.shape[1]:
             return np.zeros(0, bool)
         self.flush()
-        found = self.queries.count(self.view, boxes, self.target, any_samples=self.threshold == 0)
+        found = self.queries.count(self.view, boxes, self.target, **self._options)
         found = np.asarray(found > self.threshold)
         self.asked_count += len(found)
         self._note(boxes, found)
@@ -110,7 +113,7 @@ class Asking:
     def issue(self, boxes: F64, groups: I64 | None = None) -> Any:
         """A ticket for boxes, asked by one query object each, or each group by one."""
         self.flush()
-        return self.queries.issue(self.view, boxes, self.target, any_samples=self.threshold == 0, groups=groups)
+        return self.queries.issue(self.view, boxes, self.target, groups=groups, **self._options)
 
     def answered(self, ticket: Any, boxes: F64, groups: I64 | None = None) -> Mask:
         """(g,) whether what a ticket of `issue` is about is seen; waits."""

@@ -11,6 +11,9 @@ from scenegraph.kernels.boxes import box_distance
 from .asking import Asking
 from .history import I64
 
+#: With fewer drawables known from the last frame the nearest ones are drawn before the first question, too.
+FEW_DRAWN = 16
+
 #: Drawables drawn before the first question where nothing is known of the last frame; then twice as many each time.
 FIRST = 256
 
@@ -27,7 +30,7 @@ def batched(asking: Asking) -> None:
     eye = np.asarray(asking.view.eye)
     asking.draw(np.flatnonzero(asking.was | (asking.candidates & asking.snapshot.protected)))
     many = FIRST
-    if not asking.was.any():
+    if np.count_nonzero(asking.taken) < FEW_DRAWN:
         asking.draw(nearest(boxes, frame.candidates(), eye, many))
     while True:
         reject(asking)

@@ -30,11 +30,25 @@ TIGHT = 1.4
 
 @dataclass(frozen=True)
 class Schedule:
-    """How CHC++ asks: `batch` nodes together, `multi` of them by one query, by `tight` bounds. CHC: (1, no, no)."""
+    """How to ask. CHC: one at a time, neither `multi` nor `tight`.
+
+    Attributes
+    ----------
+    batch : int
+        Previously hidden nodes that are gathered before they are asked about.
+    multi : bool
+        Several of them by one query.
+    tight : bool
+        By the boxes of their children.
+    latency : int
+        Nodes to go on with before an answer is fetched; 0 to fetch it as soon as it is there, which makes the order of
+        asking depend on time.
+    """
 
     batch: int
     multi: bool
     tight: bool
+    latency: int
 
 
 @dataclass
@@ -44,6 +58,7 @@ class _Asked:
     ticket: Any
     numbers: I64
     first: I64
+    turn: int
     boxes: F64
     groups: I64
 
@@ -66,6 +81,7 @@ class _Coherent:
         self.asking, self.schedule = asking, schedule
         self.opening = Opening(asking)
         self.heap: list[Entry] = self.opening.start()
+        self.turn = 0
         self.queue: deque[_Asked] = deque()
         self.hidden_before: list[int] = []
         tree = asking.tree
@@ -84,9 +100,13 @@ class _Coherent:
                 self._ask_hidden()
 
     def _is_ready(self) -> bool:
-        return bool(self.asking.queries.ready(self.queue[0].ticket).all())
+        asked = self.queue[0]
+        if self.schedule.latency:
+            return self.turn - asked.turn >= self.schedule.latency
+        return bool(self.asking.queries.ready(asked.ticket).all())
 
     def _visit(self, number: int) -> None:
+        self.turn += 1
         if not self.was[number]:
             self.hidden_before.append(number)
             return
@@ -115,7 +135,7 @@ class _Coherent:
     def _issue(self, numbers: I64, first: I64) -> None:
         boxes, start = self._proxies(numbers) if self.schedule.tight else (self.opening.boxes(numbers), None)
         groups = first if start is None else start[first]
-        self.queue.append(_Asked(self.asking.issue(boxes, groups), numbers, first, boxes, groups))
+        self.queue.append(_Asked(self.asking.issue(boxes, groups), numbers, first, self.turn, boxes, groups))
 
     def _proxies(self, numbers: I64) -> tuple[F64, I64]:
         """Boxes that stand for nodes and rows: own ones, or those of the children; and where each one's start."""
@@ -171,5 +191,7 @@ def multiqueries(keep: F64) -> I64:
     while first[-1] < len(keep):
         size = np.arange(1, len(keep) - first[-1] + 1)
         cost = 1 + (1 - np.cumprod(keep[first[-1] :])) * size
+        # a query for one node is never followed by others
+        cost[0] = 1.0
         first.append(first[-1] + 1 + int(np.argmax(size / cost)))
     return np.array(first)

@@ -60,10 +60,23 @@ class Query(Stage):
         "2008", help="coherent: as in CHC++ (2008), or as in CHC (2004), which knows no batch and no period"
     )
     batch: int = parameter(20, minimum=1, maximum=10_000, help="CHC++: previously hidden nodes asked about together")
+    latency: int = parameter(
+        8,
+        minimum=0,
+        unit="nodes",
+        help="coherent: go on with so many before an answer is fetched; 0: when it is there, which no run can replay",
+    )
     retest: bool = parameter(
         True, help="not batched: ask about what is kept once more when all depth is known; batched always does"
     )
     supersample: int = parameter(1, minimum=1, maximum=8, unit="samples", help="of the query buffer per pixel and axis")
+    margin: float = parameter(
+        0.5,
+        minimum=0.0,
+        maximum=100.0,
+        unit="samples",
+        help="by which boxes are grown on the screen; from 1/2 on no box falls between samples",
+    )
     least: int = parameter(64, minimum=1, help="skip the stage when fewer candidates are left")
 
     _phases: NDArray[np.int64] | None = None
@@ -109,7 +122,7 @@ class Query(Stage):
         """Draw, ask, hide."""
         due = np.ones(frame.snapshot.n, bool) if self._phases is None else self._phases == frame.index % self.period
         with frame.device.guard():
-            asking = Asking(frame, threshold=self.threshold, supersample=self.supersample, due=due)
+            asking = Asking(frame, threshold=self.threshold, supersample=self.supersample, margin=self.margin, due=due)
             traverse = self._traversal()
             traverse(asking)
             if self.retest or self.traversal == "batched":
@@ -121,5 +134,6 @@ class Query(Stage):
             return batched
         if self.traversal == "stop_and_wait":
             return stop_and_wait
-        schedule = Schedule(1, False, False) if self.is_of_2004 else Schedule(self.batch, True, True)
+        plus = not self.is_of_2004
+        schedule = Schedule(self.batch if plus else 1, multi=plus, tight=plus, latency=self.latency)
         return lambda asking: coherent(asking, schedule, retest=self.retest)

@@ -51,6 +51,11 @@ class DepthTarget:
         self.texture.compare_func = ""
         self.framebuffer = context_of(window).framebuffer(depth_attachment=self.texture)
 
+    def clear(self, depth: float = 1.0) -> None:
+        """Forget what was drawn; 1 is the far plane. VTK's scissors would spare a part of a buffer not in use."""
+        self.framebuffer.use()
+        self.framebuffer.clear(depth=depth)
+
     def read(self) -> F32:
         """(h, w) depth in window coordinates, 0 near to 1 far; row 0 is the lowest, as in the rectangles of `View`."""
         data = self.framebuffer.read(components=1, attachment=-1, dtype="f4", alignment=1)
@@ -182,7 +187,7 @@ class Device:
         gl.enable_only(gl.DEPTH_TEST)
         gl.depth_func = "<="
         if clear:
-            target.framebuffer.clear(depth=1.0)
+            target.clear()
         self.rows(snapshot).draw(self._depth_program, view, visible=visible, level=level)
 
     def close(self) -> None:

@@ -170,6 +170,7 @@ class BoxQueries:
         target: DepthTarget,
         *,
         any_samples: bool = False,
+        margin: float = 0.0,
         groups: NDArray[np.integer] | None = None,
     ) -> Ticket:
         """Ask about boxes without waiting; nothing is written into the target.
@@ -183,12 +184,15 @@ class BoxQueries:
         target : DepthTarget
         any_samples : bool
             Ask whether, not how many: answers are 0, 1, or the number of all samples for unknown boxes.
+        margin : float
+            Pixels of the target by which boxes are grown on the screen beyond what is promised. From 1/2 on no box
+            falls between samples.
         groups : (g + 1,) int, optional
             One query for the boxes [groups[i], groups[i + 1]) together, whose samples are added up; unknown if one of
             them is, or there are none. Without, one query for each box.
         """
         gl, drawn = self._attach()
-        corners, unknown = self._corners(view, boxes, target.width, target.height)
+        corners, unknown = self._corners(view, boxes, target.width, target.height, margin)
         first = np.arange(len(unknown) + 1) if groups is None else np.asarray(groups, np.int64)
         before = np.concatenate([[0], np.cumsum(unknown)])
         unknown = (before[first[1:]] > before[first[:-1]]) | (first[1:] <= first[:-1])
@@ -242,7 +246,9 @@ class BoxQueries:
 
     # -- all boxes in one draw --------------------------------------------------------------------------------------
 
-    def count(self, view: View, boxes: F64, target: DepthTarget, *, any_samples: bool = False) -> I64:
+    def count(
+        self, view: View, boxes: F64, target: DepthTarget, *, any_samples: bool = False, margin: float = 0.0
+    ) -> I64:
         """(k,) samples that each box has in front of the target, by one draw call; for parameters see `issue`.
 
         Counting needs an atomic operation for each sample; asking only for `any_samples` does not, and costs half as
@@ -255,8 +261,8 @@ class BoxQueries:
             if self.fallback:
                 _log.warning("occlusion queries are asked one by one: %s", self.fallback)
         if self.fallback:
-            return self.result(self.issue(view, boxes, target, any_samples=any_samples))
-        corners, unknown = self._corners(view, boxes, target.width, target.height)
+            return self.result(self.issue(view, boxes, target, any_samples=any_samples, margin=margin))
+        corners, unknown = self._corners(view, boxes, target.width, target.height, margin)
         k, samples = len(unknown), target.width * target.height
         # the known box comes last: the others keep their numbers
         way = "mark" if any_samples else "count"
@@ -286,7 +292,7 @@ class BoxQueries:
         if self.device.version_code < BATCHED_SINCE:
             return f"OpenGL {self.device.version_code / 100:.1f} has no shader storage buffers; 4.3 has"
         target = self.device.depth_target(8, 8)
-        target.framebuffer.clear(depth=0.5)
+        target.clear(0.5)
         try:
             near, far = self.read_counts(np.concatenate([_wide_box(-0.5), _wide_box(0.5)]), target)
         except Exception as error:
@@ -316,7 +322,7 @@ class BoxQueries:
         _log.warning("the OpenGL context of %d queries is gone; their boxes count as visible", len(ticket.waiting))
         return False
 
-    def _corners(self, view: View, boxes: F64, width: int, height: int) -> tuple[F32, Mask]:
+    def _corners(self, view: View, boxes: F64, width: int, height: int, margin: float = 0.0) -> tuple[F32, Mask]:
         left, right, bottom, top = view.window
         return box_clip_corners(
             np.asarray(boxes, np.float64).reshape(6, -1),
@@ -324,6 +330,7 @@ class BoxQueries:
             eye=np.asarray(view.eye),
             projection=view.projection(),
             pixels=(width / (right - left), height / (top - bottom)),
+            margin=margin,
             step=(self._step or COARSEST_STEP) + float(np.finfo(np.float32).eps) * max(width, height),
             reach=self.device.reach(view),
             near=view.near,

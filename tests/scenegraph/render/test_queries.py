@@ -132,9 +132,9 @@ def test_boxes_at_the_eye_are_not_asked(window: OffscreenWindow) -> None:
         assert device.queries.unknown(view, boxes).tolist() == [True, True, False, False]
         with device.guard():
             target = device.depth_target(64, 48)
-            target.framebuffer.clear(depth=1e-5)
+            target.clear(1e-5)
             assert device.queries.count(view, boxes, target).tolist() == [3072, 3072, 0, 0]
-            target.framebuffer.clear(depth=1.0)
+            target.clear()
             counts = device.queries.count(view, boxes, target)
             assert counts[3] == 0
             assert counts[2] > 100
