@@ -25,6 +25,7 @@ class Opening:
         self.asking = asking
         self.tree = asking.tree
         self.nodes = len(asking.tree)
+        self._is_leaf = asking.tree.is_leaf
         self._alive = ~asking.frame.dead_nodes_now()
         self._eye = np.asarray(asking.view.eye)
 
@@ -63,7 +64,7 @@ class Opening:
 
     def below(self, nodes: I64) -> I64:
         """Children of nodes, rows of leaves, without those that were hidden before the first question."""
-        leaf = self.tree.is_leaf[nodes]
+        leaf = self._is_leaf[nodes]
         children = slice_expand(self.tree.child_first[nodes[~leaf]], self.tree.child_end[nodes[~leaf]])
         rows = slice_expand(self.tree.first[nodes[leaf]], self.tree.end[nodes[leaf]])
         return np.concatenate([children[self._alive[children]], self.nodes + rows[self.asking.candidates[rows]]])
