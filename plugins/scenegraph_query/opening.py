@@ -59,15 +59,23 @@ class Opening:
             numbers = numbers[~rows]
             if not len(numbers):
                 return []
-        below = self.below(numbers)
-        return list(zip(box_distance(self.boxes(below), self._eye).tolist(), below.tolist(), strict=True))
+        return self.entries(self.below(numbers))
 
-    def below(self, nodes: I64) -> I64:
-        """Children of nodes, rows of leaves, without those that were hidden before the first question."""
+    def entries(self, numbers: I64) -> list[Entry]:
+        """For a heap."""
+        return list(zip(self.distance(numbers).tolist(), numbers.tolist(), strict=True))
+
+    def distance(self, numbers: I64) -> F64:
+        """(k,) from the eye."""
+        return box_distance(self.boxes(numbers), self._eye)
+
+    def below(self, nodes: I64, *, but: Mask | None = None) -> I64:
+        """Children of nodes, rows of leaves, without those that were hidden before the first question, nor `but`."""
         leaf = self._is_leaf[nodes]
         children = slice_expand(self.tree.child_first[nodes[~leaf]], self.tree.child_end[nodes[~leaf]])
         rows = slice_expand(self.tree.first[nodes[leaf]], self.tree.end[nodes[leaf]])
-        return np.concatenate([children[self._alive[children]], self.nodes + rows[self.asking.candidates[rows]]])
+        found = np.concatenate([children[self._alive[children]], self.nodes + rows[self.asking.candidates[rows]]])
+        return found if but is None else found[~but[found]]
 
     def mark_asked(self, numbers: I64) -> None:
         """Rows among these have been asked about."""

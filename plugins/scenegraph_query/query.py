@@ -31,7 +31,7 @@ from scenegraph import Frame, Guarantee, Snapshot, Stage, parameter
 
 from .asking import Asking
 from .batched import batched
-from .coherent import Schedule, coherent
+from .coherent import Schedule, coherent, tight_nodes
 from .history import QueryHistory, row_phases
 from .stop_and_wait import stop_and_wait
 
@@ -80,6 +80,7 @@ class Query(Stage):
     least: int = parameter(64, minimum=1, help="skip the stage when fewer candidates are left")
 
     _phases: NDArray[np.int64] | None = None
+    _tight: tuple[int, NDArray[np.bool_]] | None = None
 
     @property
     def guarantee(self) -> Guarantee:
@@ -107,7 +108,7 @@ class Query(Stage):
 
     def close(self) -> None:
         """Forget."""
-        self._phases = None
+        self._phases, self._tight = None, None
 
     def skip(self, frame: Frame) -> str | None:
         """Few candidates do not pay, and a buffer may be too large."""
@@ -123,17 +124,22 @@ class Query(Stage):
         due = np.ones(frame.snapshot.n, bool) if self._phases is None else self._phases == frame.index % self.period
         with frame.device.guard():
             asking = Asking(frame, threshold=self.threshold, supersample=self.supersample, margin=self.margin, due=due)
-            traverse = self._traversal()
-            traverse(asking)
+            self._traversal(frame.snapshot)(asking)
             if self.retest or self.traversal == "batched":
                 asking.ask_again()
             asking.finish()
 
-    def _traversal(self) -> Callable[[Asking], None]:
+    def _traversal(self, snapshot: Snapshot) -> Callable[[Asking], None]:
         if self.traversal == "batched":
             return batched
         if self.traversal == "stop_and_wait":
             return stop_and_wait
         plus = not self.is_of_2004
-        schedule = Schedule(self.batch if plus else 1, multi=plus, tight=plus, latency=self.latency)
+        tight = self._tight_nodes(snapshot) if plus else np.zeros(len(snapshot.tree), bool)
+        schedule = Schedule(self.batch if plus else 1, multi=plus, ahead=plus, tight=tight, latency=self.latency)
         return lambda asking: coherent(asking, schedule, retest=self.retest)
+
+    def _tight_nodes(self, snapshot: Snapshot) -> NDArray[np.bool_]:
+        if self._tight is None or self._tight[0] != snapshot.version:
+            self._tight = snapshot.version, tight_nodes(snapshot)
+        return self._tight[1]
