@@ -14,7 +14,8 @@ import numpy as np
 from .buffers import VERTEX_SHADER, RowBuffers
 from .context import context_of, depth_texture, guard, is_alive
 from .geometry import Geometry
-from .layout import F32, U8, Mask
+from .layout import F32, I64, U8, Mask
+from .queries import BoxQueries
 
 if TYPE_CHECKING:
     import moderngl
@@ -26,6 +27,10 @@ _NO_COLOR = """
 #version 330 core
 void main() {}
 """
+
+
+#: Frame buffers of different sizes that a device keeps.
+TARGETS = 8
 
 
 class DepthTarget:
@@ -45,6 +50,11 @@ class DepthTarget:
         # a plain value instead of the outcome of a comparison
         self.texture.compare_func = ""
         self.framebuffer = context_of(window).framebuffer(depth_attachment=self.texture)
+
+    def clear(self, depth: float = 1.0) -> None:
+        """Forget what was drawn; 1 is the far plane. VTK's scissors would spare a part of a buffer not in use."""
+        self.framebuffer.use()
+        self.framebuffer.clear(depth=depth)
 
     def read(self) -> F32:
         """(h, w) depth in window coordinates, 0 near to 1 far; row 0 is the lowest, as in the rectangles of `View`."""
@@ -80,6 +90,8 @@ class Device:
         self._rows: RowBuffers | None = None
         self._targets: dict[tuple[int, int], DepthTarget] = {}
         self._depth_program: moderngl.Program | None = None
+        #: Occlusion queries against a depth target.
+        self.queries = BoxQueries(self)
 
     @property
     def gl(self) -> moderngl.Context:
@@ -102,6 +114,13 @@ class Device:
         """430 for OpenGL 4.3, the first with shader storage buffers."""
         return int(self.gl.version_code)
 
+    @property
+    def largest_target(self) -> int:
+        """Longest side in pixels that a depth target may have."""
+        info = self.gl.info
+        sizes = (info["GL_MAX_TEXTURE_SIZE"], info["GL_MAX_RENDERBUFFER_SIZE"], *info["GL_MAX_VIEWPORT_DIMS"])
+        return int(min(sizes))
+
     def guard(self) -> AbstractContextManager[None]:
         """Around all own GL calls, so that VTK's picture stays right; may not be nested."""
         _ = self.gl
@@ -118,19 +137,30 @@ class Device:
         self._rows.sync()
         return self._rows
 
+    def reach(self, view: View) -> float:
+        """Largest magnitude, in world units, of the coordinates in which rows are drawn in single precision."""
+        return self._rows.reach(view) if self._rows is not None else 0.0
+
     def depth_target(self, width: int, height: int) -> DepthTarget:
-        """A frame buffer of this size, the same one at every call; inside `guard`."""
+        """A frame buffer of this size, the same one at every call; inside `guard`.
+
+        Only the last `TARGETS` sizes are kept: a window that is being resized asks for a new one in every frame.
+        """
         _ = self.gl
-        if (width, height) not in self._targets:
-            self._targets[width, height] = DepthTarget(self.window, width, height)
-        return self._targets[width, height]
+        target = self._targets.pop((width, height), None)
+        if target is None:
+            if len(self._targets) >= TARGETS:
+                self._targets.pop(next(iter(self._targets))).release()
+            target = DepthTarget(self.window, width, height)
+        self._targets[width, height] = target
+        return target
 
     def draw_depth(
         self,
         target: DepthTarget,
         view: View,
         snapshot: Snapshot,
-        visible: Mask | None = None,
+        visible: Mask | I64 | None = None,
         level: U8 | None = None,
         *,
         clear: bool = True,
@@ -143,8 +173,8 @@ class Device:
         view : View
             Its image is fitted to the target.
         snapshot : Snapshot
-        visible : (n,) bool, optional
-            All rows by default.
+        visible : (n,) bool or (k,) indices, optional
+            All rows by default. Indices cost as much as there are of them, however many rows there are.
         level : (n,) uint8, optional
             The finest level by default.
         clear : bool
@@ -157,13 +187,14 @@ class Device:
         gl.enable_only(gl.DEPTH_TEST)
         gl.depth_func = "<="
         if clear:
-            target.framebuffer.clear(depth=1.0)
+            target.clear()
         self.rows(snapshot).draw(self._depth_program, view, visible=visible, level=level)
 
     def close(self) -> None:
         """Free what this device has made. Closing twice is allowed."""
         if self._gl is not None and is_alive(self.window) and context_of(self.window) is self._gl:
             with guard(self.window):
+                self.queries.close()
                 for resource in (self._rows, self._depth_program, *self._targets.values()):
                     if resource is not None:
                         resource.release()
