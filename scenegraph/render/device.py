@@ -15,6 +15,7 @@ from .buffers import VERTEX_SHADER, RowBuffers
 from .context import context_of, depth_texture, guard, is_alive
 from .geometry import Geometry
 from .layout import F32, F64, I64, U8, Mask
+from .queries import BoxQueries
 from .standins import TableBuffers, TableGeometry
 
 if TYPE_CHECKING:
@@ -86,6 +87,8 @@ class Device:
         self._targets: dict[tuple[int, int], DepthTarget] = {}
         self._depth_program: moderngl.Program | None = None
         self._tables: dict[int, TableBuffers] = {}
+        #: Occlusion queries against a depth target.
+        self.queries = BoxQueries(self)
 
     @property
     def gl(self) -> moderngl.Context:
@@ -124,6 +127,11 @@ class Device:
         self._rows.sync()
         return self._rows
 
+    def reach(self, view: View) -> float:
+        """Largest magnitude, in world units, of the coordinates in which rows and stand-ins are drawn in float32."""
+        rows = self._rows.reach(view) if self._rows is not None else 0.0
+        return max(rows, *(table.reach(view) for table in self._tables.values()), 0.0)
+
     def depth_target(self, width: int, height: int) -> DepthTarget:
         """A frame buffer of this size, the same one at every call; inside `guard`."""
         _ = self.gl
@@ -136,7 +144,7 @@ class Device:
         target: DepthTarget,
         view: View,
         snapshot: Snapshot,
-        visible: Mask | None = None,
+        visible: Mask | I64 | None = None,
         level: U8 | None = None,
         *,
         clear: bool = True,
@@ -149,8 +157,8 @@ class Device:
         view : View
             Its image is fitted to the target.
         snapshot : Snapshot
-        visible : (n,) bool, optional
-            All rows by default.
+        visible : (n,) bool or (k,) indices, optional
+            All rows by default. Indices cost as much as there are of them, however many rows there are.
         level : (n,) uint8, optional
             The finest level by default.
         clear : bool
@@ -208,6 +216,7 @@ class Device:
         """Free what this device has made. Closing twice is allowed."""
         if self._gl is not None and is_alive(self.window) and context_of(self.window) is self._gl:
             with guard(self.window):
+                self.queries.close()
                 for resource in (self._rows, self._depth_program, *self._targets.values(), *self._tables.values()):
                     if resource is not None:
                         resource.release()

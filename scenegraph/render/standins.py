@@ -201,6 +201,10 @@ class TableBuffers:
         for part in self._parts:
             part.draw(program, view, chosen, np.eye(4) if matrix is None else matrix)
 
+    def reach(self, view: View) -> float:
+        """World units: largest magnitude of the numbers that are added up to place a vertex in eye space."""
+        return max((part.reach(view) for part in self._parts), default=0.0)
+
     def release(self) -> None:
         """Free the buffers."""
         for part in self._parts:
@@ -219,6 +223,14 @@ class _PartBuffers:
         self.matrix = gl.buffer(reserve=64, dynamic=True)
         self.commands: Any = None
         self._arrays: dict[int, Any] = {}
+        self._matrix = np.eye(4)
+        self._extent = float(np.abs(batch.vertices).max(axis=0, initial=0.0).sum())
+
+    def reach(self, view: View) -> float:
+        """As drawn last; see `TableBuffers.reach`."""
+        place = _placed(self._matrix, self.batch.origin)
+        stretch = float(np.linalg.norm(place[:3, :3]))
+        return stretch * self._extent + float(np.linalg.norm(place[:3, 3] - np.asarray(view.eye)))
 
     def draw(self, program: moderngl.Program, view: View, chosen: I64, matrix: F64) -> None:
         items = self.item[chosen]
@@ -231,6 +243,7 @@ class _PartBuffers:
                 program, content, index_buffer=self.indices, index_element_size=4, skip_errors=True
             )
         array = self._arrays[program.glo]
+        self._matrix = matrix
         # the eye is subtracted from the place in float64, before anything is rounded
         place = _placed(matrix, self.batch.origin)
         place[:3, 3] -= np.asarray(view.eye)
