@@ -101,10 +101,12 @@ class Frame:
 
     def kept(self) -> NDArray[np.bool_]:
         """(n,) rows that are drawn, by themselves or by a stand-in; a copy."""
-        kept = self.visible.copy()
-        for standin in self.standins:
-            kept[standin.rows] = True
-        return kept
+        return _kept(self.visible, self.standins)
+
+    @property
+    def kept_count(self) -> int:
+        """Number of rows that are drawn, by themselves or by a stand-in."""
+        return int(np.count_nonzero(self.kept())) if self.standins else self.visible_count
 
     @property
     def drawn_objects(self) -> int:
@@ -154,10 +156,11 @@ class Frame:
         self.record.triangles = whole
 
     def hidden_by(self) -> NDArray[np.int16]:
-        """(n,) index of the stage that hid each row, -1 where it is visible."""
+        """(n,) index of the stage that hid each row, -1 where it is drawn, by itself or by a stand-in."""
         out = np.full(self.snapshot.n, -1, np.int16)
         before = np.ones(self.snapshot.n, bool)
-        for i, (after, _, _) in enumerate(self._after):
+        for i, (visible, _, standins) in enumerate(self._after):
+            after = _kept(visible, standins)
             out[before & ~after] = i
             before = after
         return out
@@ -321,3 +324,10 @@ class Frame:
                 setattr(self._stage_record, key, getattr(self._stage_record, key) + int(value))
             else:
                 self._stage_record.counts[key] = self._stage_record.counts.get(key, 0) + float(value)
+
+
+def _kept(visible: NDArray[np.bool_], standins: list[StandIn]) -> NDArray[np.bool_]:
+    kept = visible.copy()
+    for standin in standins:
+        kept[standin.rows] = True
+    return kept

@@ -25,10 +25,10 @@ from .walk import Rules, Walk
 
 #: The four configurations of Table 1.
 PRESETS: dict[str, dict[str, Any]] = {
-    "CHLOD-eps_q": {"metric": "eps_q", "traversal": "coherent", "predictor": "queue"},
-    "CHLOD-eps": {"metric": "eps", "traversal": "coherent", "predictor": "queue"},
-    "SW-eps_q": {"metric": "eps_q", "traversal": "stop_and_wait", "predictor": "queue"},
-    "SW-eps": {"metric": "eps", "traversal": "stop_and_wait", "predictor": "queue"},
+    "CHLOD-eps_q": {"metric": "eps_q", "traversal": "coherent", "predictor": "queue", "trim": False},
+    "CHLOD-eps": {"metric": "eps", "traversal": "coherent", "predictor": "queue", "trim": False},
+    "SW-eps_q": {"metric": "eps_q", "traversal": "stop_and_wait", "predictor": "queue", "trim": False},
+    "SW-eps": {"metric": "eps", "traversal": "stop_and_wait", "predictor": "queue", "trim": False},
 }
 
 
@@ -52,6 +52,7 @@ class HlodRefinement(Stage):
         "temporal", help="visible part of a box before its query is answered: as last measured, or by its place"
     )
     alpha: Alpha = parameter("projected", help="pixels of a box: exact, or by a cube of the same volume as printed")
+    trim: bool = parameter(True, help="leave out of the picture what was drawn by prediction and is then found hidden")
     chunk: int = parameter(16, minimum=1, maximum=100_000, unit="nodes", help="taken from the queue at a time")
 
     def __init__(self, **values: Any) -> None:
@@ -121,6 +122,7 @@ class HlodRefinement(Stage):
             temporal=self.predictor == "temporal" and self.metric == "eps_q",
             waits=self.traversal == "stop_and_wait",
             chunk=1 if self.traversal == "stop_and_wait" else self.chunk,
+            trims=self.trim,
         )
         with frame.device.guard():
             walk = Walk(measures, _Asking(frame, self._tree), rules, before)
@@ -128,6 +130,7 @@ class HlodRefinement(Stage):
         frame.count(
             queries=int(np.count_nonzero(cut.samples >= 0)),
             rarn=walk.rarn,
+            trimmed=walk.trimmed,
             scheduled=walk.scheduled,
         )
         return cut

@@ -10,6 +10,10 @@ predicted μ̂: 1 − s / S from its place s in the queue, or what was measured 
 handled when their answer is there, by the measured μ. A drawn node whose answer says that it needs refinement (RARN in
 Table 1) is taken out of the picture again and its children take its place, drawn without waiting: the paper draws both.
 
+What trimming adds: the picture is drawn after the walk, not during it, so that a node which was drawn by prediction and
+whose query then finds nothing visible need not be in it. Whatever hides it is nearer, and stays or is itself hidden by
+something nearer.
+
 What the temporal predictor adds: nodes that are refined are asked, too. The paper asks only nodes at which refinement
 stops, so that a node that was refined once would be refined as long as anything of it is visible.
 """
@@ -60,6 +64,8 @@ class Rules:
         Stop and wait: nothing is known of the previous frame.
     chunk : int
         Nodes taken from the queue at a time.
+    trims : bool
+        What was drawn by prediction and is found hidden is taken out of the picture again.
     """
 
     threshold: float
@@ -67,6 +73,7 @@ class Rules:
     temporal: bool
     waits: bool
     chunk: int
+    trims: bool
 
 
 class Walk:
@@ -98,7 +105,7 @@ class Walk:
         #: s of each scheduled node.
         self.place = np.zeros(m, np.int64)
         self.scheduled = 0
-        self.rarn = 0
+        self.rarn = self.trimmed = 0
         self._queue: Ints = _NONE
         self._asked: deque[tuple[Ints, Any]] = deque()
 
@@ -185,6 +192,10 @@ class Walk:
             share = self.measures.visibility(nodes, samples)
             self.samples[nodes], self.share[nodes] = samples, share
             seen = samples > 0
+            if self.rules.trims:
+                late = nodes[~seen & self.drawn[nodes]]
+                self.drawn[late] = False
+                self.trimmed += len(late)
             self._answered(nodes[seen], share[seen] if self.rules.by_visibility else np.ones(int(seen.sum())))
 
     def _answered(self, nodes: Ints, share: Floats) -> None:
