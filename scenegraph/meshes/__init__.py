@@ -1,4 +1,4 @@
-"""What is derived from meshes: occluders fitted into them, HLOD trees, and the disk cache that keeps such data."""
+"""What is derived from meshes: fitted occluders, coarser levels, HLOD trees, and the disk cache for all."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from .cache import DiskCache, cache_folder
 from .fitted import FittedOccluder, FittedOccluders
 from .fitting import fit_occluders
 from .hlod import Hlod, HlodReport, hlod_of
+from .levels import SceneLevels, levels_for
 from .placing import MeshOccluders, PlacedOccluders, SceneOccluders, occluders_for
+from .simplification import level_chain, simplify
 
 __all__ = [
     "DiskCache",
@@ -16,9 +18,13 @@ __all__ = [
     "HlodReport",
     "MeshOccluders",
     "PlacedOccluders",
+    "SceneLevels",
     "SceneOccluders",
     "cache_folder",
     "fit_occluders",
     "hlod_of",
+    "level_chain",
+    "levels_for",
     "occluders_for",
+    "simplify",
 ]

@@ -6,8 +6,10 @@ than *T*'s farthest corner is, and no point of *T* is farther from a surface tha
     min over some triangles t of the surface, of the max over the corners p of T, of distance(p, t),
 
 whichever triangles are tried. Trying those nearest to *T* gives a bound for *T*; where it lies well above the farthest
-point found so far, *T* is cut in four and each part has its own. The largest is the one-sided distance. A search tree
-over points of the surface only proposes triangles: a poor proposal makes the bound larger, never wrong.
+point found so far, *T* is cut and each part has its own: along a side of the best *t*, if *T* reaches over it, so that
+surfaces that lie in each other come out at 0 after as many cuts as they have crossing edges; else in four. The largest
+is the one-sided distance. A search tree over points of the surface only proposes triangles: a poor proposal makes the
+bound larger, never wrong.
 """
 
 from __future__ import annotations
@@ -24,10 +26,12 @@ I64 = NDArray[np.int64]
 
 #: Triangles tried per part: few, and more where few do not do.
 _TRIED = (2, 8, 24)
+#: Share of the size of a surface below which it is not worth telling distances apart.
+FLOOR = 2e-4
 #: Parts that are looked at closely to find a far point.
 _CLOSELY = 256
-#: Parts worked on together, cuts in four, and parts after which the bound is taken as it is.
-_CHUNK, _CUTS, _PARTS = 1 << 14, 8, 300_000
+#: Parts worked on together, rounds of cutting, and parts after which the bound is taken as it is.
+_CHUNK, _CUTS, _PARTS = 1 << 14, 20, 300_000
 #: Points of the search tree: at least two per triangle; of few triangles as many as this, or 64 of each.
 _POINTS = 20_000
 
@@ -90,7 +94,7 @@ def surface_deviation(surface: F64, other: Surface, *, tolerance: float = 0.1) -
     surface : (m, 3, 3) float64
     other : Surface
     tolerance : float
-        Cutting stops when the bound lies by no more than this share above what was found, or by no more than 2e-4 of
+        Cutting stops when the bound lies by no more than this share above what was found, or by no more than `FLOOR` of
         the size of the other surface.
 
     Returns
@@ -102,25 +106,25 @@ def surface_deviation(surface: F64, other: Surface, *, tolerance: float = 0.1) -
     parts = surface
     for cut in range(_CUTS + 1):
         for tried in _TRIED:
-            reach, middle = _reaches(parts, other, tried)
+            reach, middle, best = _reaches(parts, other, tried)
             if len(parts):
                 # with few tried, a middle may seem farther than it is: the farthest are looked at closely
                 top = np.argsort(-middle, kind="stable")[:_CLOSELY]
                 found = max(found, float(_reaches(parts[top], other, _TRIED[-1])[1].max()))
-            coarse = reach > max((1 + tolerance) * found, found + 1e-3 * size)
-            if tried == _TRIED[-1] and (cut == _CUTS or 4 * int(coarse.sum()) > _PARTS):
+            coarse = reach > max((1 + tolerance) * found, found + FLOOR * size)
+            if tried == _TRIED[-1] and (cut == _CUTS or 3 * int(coarse.sum()) > _PARTS):
                 coarse[:] = False
             bound = max(bound, float(reach[~coarse].max(initial=0.0)))
-            parts = parts[coarse]
+            parts, best = parts[coarse], best[coarse]
         if not len(parts):
             break
-        parts = _quartered(parts)
+        parts = _cut(parts, other.triangles[best], 1e-9 * size)
     return Deviation(bound, found)
 
 
-def _reaches(parts: F64, other: Surface, count: int) -> tuple[F64, F64]:
-    """(m,) bound of each triangle, and (m,) distance of its middle."""
-    reach, middle = np.empty(len(parts)), np.empty(len(parts))
+def _reaches(parts: F64, other: Surface, count: int) -> tuple[F64, F64, I64]:
+    """(m,) bound of each triangle, (m,) distance of its middle, and (m,) the triangle that gave the bound."""
+    reach, middle, best = np.empty(len(parts)), np.empty(len(parts)), np.empty(len(parts), np.int64)
     for start in range(0, len(parts), _CHUNK):
         some = parts[start : start + _CHUNK]
         center = some.mean(axis=1)
@@ -131,9 +135,39 @@ def _reaches(parts: F64, other: Surface, count: int) -> tuple[F64, F64]:
         points = np.broadcast_to(points, (3, 4, c, k)).reshape(3, -1)
         which = np.broadcast_to(tried.T, (4, c, k)).reshape(-1)
         away = other.distances(points, which).reshape(4, c, k)
-        reach[start : start + k] = away[:3].max(axis=0).min(axis=0)
-        middle[start : start + k] = away[3].min(axis=0)
-    return reach, middle
+        far = away[:3].max(axis=0)
+        chosen = far.argmin(axis=0)
+        now = slice(start, start + k)
+        reach[now], middle[now] = far[chosen, np.arange(k)], away[3].min(axis=0)
+        best[now] = tried[np.arange(k), chosen]
+    return reach, middle, best
+
+
+def _cut(parts: F64, against: F64, least: float) -> F64:
+    """Cut each triangle along the side of its triangle of `against` that it reaches over most; the others in four."""
+    side = np.roll(against, -1, axis=1) - against
+    normal = np.cross(side[:, 0], side[:, 1])
+    inward = np.cross(normal[:, None], side)
+    length = np.linalg.norm(inward, axis=2, keepdims=True)
+    inward /= np.where(length > 0, length, np.inf)
+    # (m, corner, side) how far a corner lies within a side
+    within = np.einsum("mpsc,msc->mps", parts[:, :, None] - against[:, None], inward)
+    over = within.min(axis=1).argmin(axis=1)
+    sign = within[np.arange(len(parts)), :, over]
+    crossing = (sign.min(axis=1) < -least) & (sign.max(axis=1) > least)
+    four = parts[~crossing]
+    parts, sign = parts[crossing], sign[crossing]
+    # the corner that is alone on its side comes first
+    outside = sign < 0
+    alone = np.where(outside.sum(axis=1) == 1, outside.argmax(axis=1), (~outside).argmax(axis=1))
+    turn = (alone[:, None] + np.arange(3)) % 3
+    row = np.arange(len(parts))[:, None]
+    parts, sign = parts[row, turn], sign[row, turn]
+    a, b, c = (parts[:, i] for i in range(3))
+    x = a + (b - a) * (sign[:, 0] / (sign[:, 0] - sign[:, 1]))[:, None]
+    y = a + (c - a) * (sign[:, 0] / (sign[:, 0] - sign[:, 2]))[:, None]
+    pieces = ((a, x, y), (x, b, c), (x, c, y))
+    return np.concatenate([_quartered(four), *(np.stack(piece, axis=1) for piece in pieces)])
 
 
 def _quartered(triangles: F64) -> F64:
@@ -146,26 +180,29 @@ def _quartered(triangles: F64) -> F64:
 def _spread(triangles: F64, enough: int) -> tuple[F64, I64]:
     """Points all over the triangles, about evenly, and the triangle of each; every triangle has one."""
     sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
-    # the longest side is the base: a sliver gets a row of points, not a heap
-    base = sides.argmax(axis=1)
-    turned = triangles[np.arange(len(triangles))[:, None], (base[:, None] + np.arange(3)) % 3]
+    # columns over the longest side, each with a point at least: slivers and sharp corners get theirs, too
+    start = sides.argmax(axis=1)
+    turned = triangles[np.arange(len(triangles))[:, None], (start[:, None] + np.arange(3)) % 3]
     longest = sides.max(axis=1)
-    normal = np.cross(turned[:, 1] - turned[:, 0], turned[:, 2] - turned[:, 0])
-    double = np.linalg.norm(normal, axis=1)
+    base, leg = turned[:, 1] - turned[:, 0], turned[:, 2] - turned[:, 0]
+    double = np.linalg.norm(np.cross(base, leg), axis=1)
     spacing = np.sqrt(double.sum() / enough)
+    longest = np.where(longest > 0, longest, np.inf)
+    foot = np.clip((leg * base).sum(axis=1) / longest**2, 0.0, 1.0)
     cuts = np.ones((2, len(triangles)), np.int64)
     if spacing > 0:
-        height = double / np.where(longest > 0, longest, np.inf)
-        cuts = np.clip(np.ceil(np.stack([longest, height]) / spacing), 1, 256).astype(np.int64)
+        cuts = np.clip(np.ceil(np.stack([sides.max(axis=1), double / longest]) / spacing), 1, 256).astype(np.int64)
     points, of = [], []
     for m, n in np.unique(cuts, axis=1).T.tolist():
         which = np.flatnonzero((cuts[0] == m) & (cuts[1] == n))
-        i, j = (x.ravel() for x in np.meshgrid(np.arange(m), np.arange(n), indexing="ij"))
-        # the two halves of each cell of a grid over the parallelogram; those beyond the diagonal fall away
-        v = np.concatenate([(i + 1 / 3) / m, (i + 2 / 3) / m])
-        w = np.concatenate([(j + 1 / 3) / n, (j + 2 / 3) / n])
-        v, w = v[v + w < 1], w[v + w < 1]
-        weights = np.stack([1 - v - w, v, w])
-        points.append(np.einsum("sk,msc->mkc", weights, turned[which]).reshape(-1, 3))
-        of.append(np.repeat(which, len(v)))
+        x, y = (t.ravel()[None] for t in np.meshgrid((np.arange(m) + 0.5) / m, (np.arange(n) + 0.5) / n))
+        q = foot[which, None]
+        with np.errstate(divide="ignore"):
+            top = np.minimum(x / q, (1 - x) / (1 - q))
+        kept = (y < top) | (y < 1 / n)
+        y = np.minimum(y, np.where(y < 1 / n, 0.5 * top, np.inf))
+        weights = np.stack([1 - x - (1 - q) * y, x - q * y, y + 0 * q])[:, kept]
+        row = np.broadcast_to(which[:, None], kept.shape)[kept]
+        points.append(np.einsum("kc,ckx->kx", weights.T, turned[row].transpose(1, 0, 2)))
+        of.append(row)
     return np.concatenate(points), np.concatenate(of)
