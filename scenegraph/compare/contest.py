@@ -34,10 +34,7 @@ class Drawn:
     @cached_property
     def kept(self) -> Rows:
         """(n,) rows that reached OpenGL, by themselves or by a stand-in."""
-        kept = self.frame.visible.copy()
-        for standin in self.frame.standins:
-            kept[standin.rows] = True
-        return kept
+        return self.frame.kept()
 
 
 class Contestant:

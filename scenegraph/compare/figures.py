@@ -7,7 +7,7 @@ the dark page, and text takes the page's font.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from io import StringIO
 from typing import Any
 
@@ -67,6 +67,26 @@ def plots(run: RunResult) -> dict[str, str]:
             "opt": _opt_plot(run),
             "false_hides": _false_hide_plot(run),
         }
+
+
+def path_lines(series: Mapping[str, Sequence[float]], unit: str) -> str:
+    """Draw one line per name over the frames of a path, each named at its right end."""
+    with matplotlib.rc_context(_STYLE):
+        figure, axes = _figure(7.6, 3.1)
+        figure.subplots_adjust(right=0.97 - _text_width(series))
+        drawn: list[Series] = []
+        for index, (name, values) in enumerate(series.items()):
+            color = _NAMES[f"series-{index % _SERIES}"]
+            drawn.append((name, values, color, _DASHES[index % len(_DASHES)]))
+            axes.plot(range(len(values)), values, color=color, ls=drawn[-1][3], lw=1.3)
+        axes.set_ylim(0, 1.06 * max((max(v, default=0.0) for v in series.values()), default=1.0) or 1.0)
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda v, _p: short(v)))
+        axes.set_title(unit, loc="left", fontsize=9.5, color=_NAMES["soft"])
+        axes.set_xlim(-0.5, max((len(v) for v in series.values()), default=1) - 0.5)
+        axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+        axes.grid(False, axis="x")
+        _name_at_end(axes, drawn)
+        return _svg(figure, f"{unit} along the camera path")
 
 
 def series_color(run: RunResult, name: str) -> int:

@@ -210,7 +210,7 @@ class _BatchBuffers(_Buffers):
         self._render(program, view, self._few, indices.size)
 
     def _render(self, program: moderngl.Program, view: View, indices: moderngl.Buffer, count: int) -> None:
-        self.matrix.write(_packed((view.projection() @ view.view_matrix(self.source.origin))[None]))
+        self.matrix.write(packed((view.projection() @ view.view_matrix(self.source.origin))[None]))
         content = [(self.vertices, "3f4", "position"), (self.rows, "1u4", "row"), (self.matrix, "16f4/i", "matrix")]
         self.array(program, content, indices).render(vertices=count, instances=1)
 
@@ -245,7 +245,7 @@ class _InstanceBuffers(_Buffers):
         # the eye is subtracted from the place of each instance before anything is rounded
         local = self.source.matrices[items].copy()
         local[:, :3, 3] -= np.asarray(view.eye)
-        self.matrices.write(_packed(view.projection() @ view.view_matrix(view.eye) @ local))
+        self.matrices.write(packed(view.projection() @ view.view_matrix(view.eye) @ local))
         content = [(self.vertices, "3f4", "position"), (self.rows, "1u4/i", "row"), (self.matrices, "16f4/i", "matrix")]
         self.array(program, content, self.indices).render(instances=len(items))
 
@@ -265,6 +265,6 @@ def _extent(batch: Batch) -> float:
     return float(largest.sum())
 
 
-def _packed(matrices: F64) -> bytes:
+def packed(matrices: F64) -> bytes:
     """(k, 4, 4) row-major float64 → OpenGL's column-major float32."""
     return np.ascontiguousarray(matrices.transpose(0, 2, 1), np.float32).tobytes()

@@ -14,14 +14,19 @@ import numpy as np
 from .buffers import VERTEX_SHADER, RowBuffers
 from .context import context_of, depth_texture, guard, is_alive
 from .geometry import Geometry
-from .layout import F32, I64, U8, Mask
+from .layout import F32, F64, I64, U8, Mask
 from .queries import BoxQueries
+from .standins import TableBuffers, TableGeometry
 
 if TYPE_CHECKING:
     import moderngl
 
+    from ..mesh import MeshTable
     from ..snapshot import Snapshot
     from ..view import View
+
+#: Tables of stand-ins that are kept uploaded.
+_TABLES_KEPT = 256
 
 _NO_COLOR = """
 #version 330 core
@@ -90,6 +95,7 @@ class Device:
         self._rows: RowBuffers | None = None
         self._targets: dict[tuple[int, int], DepthTarget] = {}
         self._depth_program: moderngl.Program | None = None
+        self._tables: dict[int, TableBuffers] = {}
         #: Occlusion queries against a depth target.
         self.queries = BoxQueries(self)
 
@@ -106,7 +112,7 @@ class Device:
         if current is not self._gl:
             # the window has a new context, and what was made in the old one went with it
             self._gl, self._rows, self._depth_program = current, None, None
-            self._targets = {}
+            self._targets, self._tables = {}, {}
         return current
 
     @property
@@ -138,8 +144,9 @@ class Device:
         return self._rows
 
     def reach(self, view: View) -> float:
-        """Largest magnitude, in world units, of the coordinates in which rows are drawn in single precision."""
-        return self._rows.reach(view) if self._rows is not None else 0.0
+        """Largest magnitude, in world units, of the coordinates in which rows and stand-ins are drawn in float32."""
+        rows = self._rows.reach(view) if self._rows is not None else 0.0
+        return max(rows, *(table.reach(view) for table in self._tables.values()), 0.0)
 
     def depth_target(self, width: int, height: int) -> DepthTarget:
         """A frame buffer of this size, the same one at every call; inside `guard`.
@@ -180,6 +187,44 @@ class Device:
         clear : bool
             Forget what the target holds.
         """
+        program = self._depth_pass(target, clear=clear)
+        self.rows(snapshot).draw(program, view, visible=visible, level=level)
+
+    def draw_depth_of(
+        self,
+        target: DepthTarget,
+        view: View,
+        table: MeshTable,
+        chosen: I64,
+        matrix: F64 | None = None,
+        *,
+        clear: bool = False,
+    ) -> None:
+        """Draw the depth of opaque meshes of a table of stand-ins; inside `guard`.
+
+        Parameters
+        ----------
+        target : DepthTarget
+        view : View
+            Its image is fitted to the target.
+        table : MeshTable
+            Uploaded at the first call.
+        chosen : (j,) int64
+            Which meshes, in the order in which they are drawn.
+        matrix : (4, 4) float64, optional
+            World coordinates without.
+        clear : bool
+            Forget what the target holds.
+        """
+        program = self._depth_pass(target, clear=clear)
+        loaded = self._tables.pop(id(table), None) or TableBuffers(self.gl, TableGeometry.shared(table))
+        # taken out and put back: the order of the dict is the order of last use
+        self._tables[id(table)] = loaded
+        for key in list(self._tables)[: max(0, len(self._tables) - _TABLES_KEPT)]:
+            self._tables.pop(key).release()
+        loaded.draw(program, view, chosen, matrix)
+
+    def _depth_pass(self, target: DepthTarget, *, clear: bool) -> moderngl.Program:
         gl = self.gl
         if self._depth_program is None:
             self._depth_program = gl.program(vertex_shader=VERTEX_SHADER, fragment_shader=_NO_COLOR)
@@ -188,15 +233,15 @@ class Device:
         gl.depth_func = "<="
         if clear:
             target.clear()
-        self.rows(snapshot).draw(self._depth_program, view, visible=visible, level=level)
+        return self._depth_program
 
     def close(self) -> None:
         """Free what this device has made. Closing twice is allowed."""
         if self._gl is not None and is_alive(self.window) and context_of(self.window) is self._gl:
             with guard(self.window):
                 self.queries.close()
-                for resource in (self._rows, self._depth_program, *self._targets.values()):
+                for resource in (self._rows, self._depth_program, *self._targets.values(), *self._tables.values()):
                     if resource is not None:
                         resource.release()
         self._gl, self._rows, self._depth_program = None, None, None
-        self._targets = {}
+        self._targets, self._tables = {}, {}

@@ -18,9 +18,9 @@ _hookimpl = pluggy.HookimplMarker("scenegraph")
 @_hookimpl
 def scenegraph_register_scenes(register: Callable[[str, Callable[..., Any], str], None]) -> None:
     """Register the built-in scenes."""
-    from . import city, olympia, scatter
+    from . import city, inspection, olympia, scatter
 
-    for module in (city, olympia, scatter):
+    for module in (city, inspection, olympia, scatter):
         name = module.__name__.rpartition(".")[2]
         summary = (module.build.__doc__ or "").partition("\n")[0]
         register(name, module.build, summary)
