@@ -12,6 +12,7 @@ from .occluder import Occluder
 from .occluders import OccluderTable
 from .overlay import Faces, Lines, Overlay
 from .pipeline import Pipeline
+from .products import LevelOfVisibility
 from .registry import Registry, registry
 from .scene import Scene
 from .snapshot import Snapshot
@@ -34,6 +35,7 @@ __all__ = [
     "Geode",
     "Group",
     "Guarantee",
+    "LevelOfVisibility",
     "Lines",
     "Lod",
     "Mesh",

@@ -8,13 +8,12 @@ from scenegraph import Stage, hookimpl
 
 from .figures import plot_block
 from .hom import Hom
-from .products import Block, Footprint, LevelOfVisibility, OcclusionMap
+from .products import Block, Footprint, OcclusionMap
 
 __all__ = [
     "Block",
     "Footprint",
     "Hom",
-    "LevelOfVisibility",
     "OcclusionMap",
     "plot_block",
     "scenegraph_register_stages",

@@ -31,7 +31,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scenegraph import OUT, PARTIAL, Batch, Frame, Guarantee, PipelineError, Snapshot, Stage, parameter
+from scenegraph import (
+    OUT,
+    PARTIAL,
+    Batch,
+    Frame,
+    Guarantee,
+    LevelOfVisibility,
+    PipelineError,
+    Snapshot,
+    Stage,
+    parameter,
+)
 from scenegraph.kernels.nearness import NearnessScale, nearness_scale
 from scenegraph.kernels.slices import slice_expand
 
@@ -40,7 +51,7 @@ from .gl import gl_map
 from .outlines import outlines_hidden
 from .overlap import hidden_by_cells, hidden_exactly
 from .owners import owned_rows_kept
-from .products import Footprint, LevelOfVisibility, OcclusionMap, map_visibility
+from .products import Footprint, OcclusionMap, map_visibility
 from .scan import Drawn, scan_map, texels_per_unit
 from .selection import Ranking, select
 from .shapes import F64, I64

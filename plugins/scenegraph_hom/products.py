@@ -1,8 +1,7 @@
-"""What the stage hands to later stages: the occlusion map, and the level of visibility of each drawable."""
+"""What the stage hands to later stages: the occlusion map. The level of visibility that it puts is the host's."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -183,44 +182,6 @@ class OcclusionMap:
         f00, f10, f01, f11 = coefficients[:, 0].tolist()
         value = float(block_visibility(coefficients, total, cells)[0])
         return Block(level, (x0, y0, x1, y1), opacity, (f00, f10, f01, f11), value)
-
-
-class LevelOfVisibility:
-    """How much detail the occluders in front of each drawable let through (Kristmann 2022): 1 none, -1 all.
-
-    Values are worked out when they are first asked for.
-
-    Parameters
-    ----------
-    n : int
-        Rows of the snapshot.
-    hidden : (n,) bool
-        Rows that the stage hid: 1.
-    rows : (k,) int64
-        Rows whose blocks are looked at; what is in neither set has -1.
-    evaluate : callable
-        Gives the k values.
-    """
-
-    def __init__(
-        self,
-        n: int,
-        hidden: NDArray[np.bool_],
-        rows: NDArray[np.int64],
-        evaluate: Callable[[], NDArray[np.float64]],
-    ) -> None:
-        self._n = n
-        self._hidden = hidden
-        self.rows = rows
-        self._evaluate = evaluate
-
-    @cached_property
-    def values(self) -> NDArray[np.float32]:
-        """(n,) level of visibility of each row."""
-        out = np.full(self._n, -1.0, np.float32)
-        out[self.rows] = self._evaluate()
-        out[self._hidden] = 1.0
-        return out
 
 
 def map_visibility(

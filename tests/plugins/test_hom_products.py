@@ -9,8 +9,9 @@ import pytest
 
 import scenegraph as sg
 import scenegraph_hom
+from scenegraph import LevelOfVisibility
 from scenegraph.testing import box_at, wall_scene, wall_views
-from scenegraph_hom import Hom, LevelOfVisibility, OcclusionMap
+from scenegraph_hom import Hom, OcclusionMap
 
 
 def run(scene: sg.Scene | sg.Snapshot, view: sg.View, **values: Any) -> sg.Frame:
