@@ -26,6 +26,7 @@ What we changed, and why:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -91,6 +92,9 @@ class Hom(Stage):
     )
     descents: int = parameter(2, minimum=0, maximum=16, help="levels that the pyramid test may descend")
     coarsest: bool = parameter(False, help="draw the coarsest level of occluders instead of the finest")
+    inner: bool = parameter(
+        True, help="draw coarsest levels, shrunk until proved to be inside, for finest ones of many triangles"
+    )
     producer: Literal["numpy", "gl"] = parameter(
         "numpy", help="who draws the map: NumPy, or OpenGL (drawables only, centers of texels)"
     )
@@ -117,12 +121,15 @@ class Hom(Stage):
             return Guarantee.CONSERVATIVE
         return Guarantee.AGGRESSIVE if self.test == "exact" else Guarantee.APPROXIMATE
 
-    def open(self, snapshot: Snapshot, progress: object) -> None:
+    def open(self, snapshot: Snapshot, progress: Callable[[str, float], None] | None) -> None:
         """Work out what may be an occluder, once per set of rows."""
         source: Source = "meshes" if self.producer == "gl" else self.occluders
+        inner = self.inner and self.producer == "numpy"
         self._catalog = snapshot.prepared(
-            f"hom {source} {self.triangles} {self.coarsest} {id(snapshot.occluders)}",
-            lambda s: make_catalog(s, source=source, largest=self.triangles, coarsest=self.coarsest),
+            f"hom {source} {self.triangles} {self.coarsest} {inner} {id(snapshot.occluders)}",
+            lambda s: make_catalog(
+                s, source=source, largest=self.triangles, coarsest=self.coarsest, inner=inner, progress=progress
+            ),
         )
 
     def close(self) -> None:

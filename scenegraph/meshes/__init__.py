@@ -5,6 +5,7 @@ from __future__ import annotations
 from .cache import DiskCache, cache_folder
 from .fitted import FittedOccluder, FittedOccluders
 from .fitting import fit_occluders
+from .inner import inner_shell
 from .placing import MeshOccluders, PlacedOccluders, SceneOccluders, occluders_for
 
 __all__ = [
@@ -16,5 +17,6 @@ __all__ = [
     "SceneOccluders",
     "cache_folder",
     "fit_occluders",
+    "inner_shell",
     "occluders_for",
 ]

@@ -89,7 +89,7 @@ def _pulled(fine: Mesh, coarse: Mesh, cells: int, steps: int) -> tuple[F64, I64]
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
 
     def inside(triangles: I64) -> NDArray[np.bool_]:
-        return np.any([_wholly_enclosed(points[triangles], room) for room in rooms], axis=0)
+        return np.asarray(np.any([_wholly_enclosed(points[triangles], room) for room in rooms], axis=0))
 
     start = points.copy()
     good = np.zeros(len(faces), bool)

@@ -20,7 +20,7 @@ def scenegraph_register_scenes(register: Callable[[str, Callable[..., Any], str]
     """Register the built-in scenes."""
     from . import bunnies, city, foliage, olympia, scatter
 
-    scenes = {
+    scenes: dict[str, Callable[..., Any]] = {
         "city": city.build,
         "olympia": olympia.build,
         "scatter": scatter.build,

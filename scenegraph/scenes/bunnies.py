@@ -102,7 +102,7 @@ def sparse(*, model: str = "", ceiling: int = 2, count: int = 10001, spacing: fl
     def from_flight(p: Floats) -> Floats:
         off_ring = np.hypot(np.hypot(p[:, 0], p[:, 1]) - inner, p[:, 2])
         off_line = np.where(p[:, 0] > inner, np.hypot(p[:, 1], p[:, 2]), np.inf)
-        return np.minimum(off_ring, off_line)
+        return np.asarray(np.minimum(off_ring, off_line))
 
     place = _scattered(rng, edge, size, from_flight)
     scene = _copies("bunnies-10001", model, ceiling, place, size, rng, 4 * spacing)
@@ -137,7 +137,7 @@ def _check(ceiling: int, count: int, spacing: float) -> None:
 
 def _entry(edge: float) -> float:
     """How far from the middle the camera circles: all of a cube turned any way is in a view of 45 degrees."""
-    return 0.5 * edge * np.sqrt(2.0) + 0.5 * edge * 1.05 / np.tan(np.radians(22.5))
+    return float(0.5 * edge * (np.sqrt(2.0) + 1.05 / np.tan(np.radians(22.5))))
 
 
 def _eased(t: float) -> float:

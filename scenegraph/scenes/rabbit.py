@@ -1,6 +1,6 @@
 """A bunny of 98 triangles: the Stanford bunny by edge collapse where its file is given, a stand-in otherwise.
 
-Kristmann (2022, section 4.2.1) reduced the bunny to 98 triangles by hand and lets Phong tessellation round it off again.
+Kristmann (2022, section 4.2.1) reduced the bunny to 98 triangles by hand and lets Phong tessellation round it off.
 The y axis points up, as in the Stanford files.
 """
 
