@@ -9,10 +9,10 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
@@ -24,6 +24,10 @@ from scenegraph.errors import ScenegraphError, nearest
 from scenegraph.log import FrameLog
 from scenegraph.progress import Progress
 from scenegraph.registry import Registry, registry
+
+if TYPE_CHECKING:
+    from scenegraph.compare.counting import CountedRun
+    from scenegraph.frame import Frame
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,29 @@ class Cell:
     measured: float
 
 
+@dataclass(frozen=True)
+class Plot:
+    """A figure of the paper, measured: values along the camera path.
+
+    Attributes
+    ----------
+    title : str
+    unit : str
+        Of all values.
+    caption : str
+    paths : sequence of str
+        Name of the path that each view belongs to.
+    series : mapping of str to sequence of float
+        One value per view.
+    """
+
+    title: str
+    unit: str
+    caption: str
+    paths: Sequence[str]
+    series: Mapping[str, Sequence[float]]
+
+
 @dataclass
 class Replication:
     """What a replication brings home.
@@ -57,6 +84,8 @@ class Replication:
     paper, title : str
         The name on the command line; the paper.
     cells : list of Cell
+    plots : list of Plot
+        Shown above the plots of the runs.
     remarks : list of str
         What must be known to read the numbers: what was changed, what has no counterpart, and why.
     runs : dict
@@ -66,6 +95,7 @@ class Replication:
     paper: str
     title: str
     cells: list[Cell] = field(default_factory=list)
+    plots: list[Plot] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     runs: dict[str, dict[str, Any]] = field(default_factory=dict)
 
@@ -75,12 +105,15 @@ class Laboratory:
 
     Attributes
     ----------
+    known : Registry
     quick : bool
         Few frames are wanted.
     model : Path or None
         A model file that the user has given.
     folder : Path
         Where files may be written.
+    results : dict of str to RunResult
+        Every frame of the suites that were run, by scene.
     """
 
     def __init__(self, known: Registry, folder: Path, tell: Progress, *, quick: bool, model: Path | None) -> None:
@@ -121,6 +154,32 @@ class Laboratory:
         if run.interrupted:
             raise KeyboardInterrupt
         return self.summaries[scene]
+
+    def count(
+        self,
+        scene: str,
+        suite: Mapping[str, Any],
+        *,
+        look: Callable[[str, int, Frame], None] | None = None,
+    ) -> CountedRun:
+        """Run the pipelines of a suite and draw nothing: for scenes that are too large to be drawn.
+
+        Parameters
+        ----------
+        scene : str
+        suite : mapping
+            As for `run`.
+        look : callable, optional
+            Called with the pipeline's name, the number of the view and the frame.
+        """
+        from scenegraph.compare.counting import count_along
+
+        checked = suite_of(dict(suite), self.known)
+        if self.quick:
+            checked = checked.quicker()
+        return count_along(
+            checked, self.known, tell=lambda what, share: self._tell(f"{scene}: {what}", share), look=look
+        )
 
 
 def replicate(
@@ -172,7 +231,15 @@ def as_json(found: Replication) -> dict[str, Any]:
     """The content of `--json`: cells with a counterpart, our own rows apart, and the summaries of the runs."""
     cells = [asdict(c) for c in found.cells if c.paper is not None]
     added = [asdict(c) for c in found.cells if c.paper is None]
-    return {"paper": found.paper, "cells": cells, "added": added, "remarks": found.remarks, "runs": found.runs}
+    plots = [asdict(p) for p in found.plots]
+    return {
+        "paper": found.paper,
+        "cells": cells,
+        "added": added,
+        "plots": plots,
+        "remarks": found.remarks,
+        "runs": found.runs,
+    }
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import jinja2
 import numpy as np
 from PIL import Image as Picture
 
-from scenegraph.compare.figures import plots, series_color
+from scenegraph.compare.figures import path_plot, plots, series_color
 from scenegraph.compare.metrics import Image, share
 from scenegraph.compare.overhead import frustum_overlay
 from scenegraph.compare.results import Pictures, RunResult, Shot
@@ -73,6 +73,7 @@ def render_replication(found: Replication, runs: Mapping[str, RunResult]) -> str
             found=found,
             tables=tables_of(found),
             number=number,
+            figures=[(p, path_plot(p.paths, p.series, p.unit)) for p in found.plots],
             runs=runs,
             plots={scene: plots(run) for scene, run in runs.items()},
         )

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..mesh import Mesh
+from ..meshes.tessellation import phong_levels
 from ..nodes import Lod, Node, Transform
 from ..scene import Scene
 from ..view import View
@@ -27,7 +28,6 @@ from .shapes import Floats
 FINEST = 20
 #: Clear radius around the eye on its flight.
 CLEAR = 1.6
-COLOR = (0.80, 0.72, 0.62)
 
 
 def dense(*, model: str = "", ceiling: int = 2, count: int = 5001, spacing: float = 1.6, seed: int = 1) -> Scene:
@@ -121,9 +121,9 @@ def sparse(*, model: str = "", ceiling: int = 2, count: int = 10001, spacing: fl
     return scene
 
 
-def tessellated(model: str, ceiling: int) -> list[Mesh]:
-    """Levels of detail of a bunny, finest first: tessellation levels `ceiling` to 1."""
-    return [bunny(model)]
+def tessellated(model: str, ceiling: int) -> tuple[list[Mesh], list[float]]:
+    """Levels of detail of a bunny, finest first, and their errors: tessellation levels `ceiling` to 1."""
+    return phong_levels(bunny(model), ceiling)
 
 
 def _check(ceiling: int, count: int, spacing: float) -> None:
@@ -157,7 +157,7 @@ def _copies(
     name: str, model: str, ceiling: int, place: Floats, size: Floats, rng: np.random.Generator, width: float
 ) -> Scene:
     """A scene of bunnies at places (k, 3), of sizes (k,), each turned about the x axis, with all levels of detail."""
-    levels = tessellated(model, ceiling)
+    levels, errors = tessellated(model, ceiling)
     turn = rng.uniform(0, 2 * np.pi, len(place))
     matrices = np.tile(np.eye(4), (len(place), 1, 1))
     matrices[:, 0, 0] = size
@@ -165,6 +165,8 @@ def _copies(
     matrices[:, 2, 1] = size * np.sin(turn)
     matrices[:, 1, 2] = -matrices[:, 2, 1]
     matrices[:, :3, 3] = place
-    nodes: list[Node] = [Transform(Lod(*levels, name=f"bunny {k}"), matrix=m) for k, m in enumerate(matrices)]
+    nodes: list[Node] = [
+        Transform(Lod(*levels, errors=errors, name=f"bunny {k}"), matrix=m) for k, m in enumerate(matrices)
+    ]
     scene = Scene(name=name, background=BACKGROUND)
     return scene.add(*in_cells(nodes, place - place.min(axis=0), width))

@@ -52,12 +52,12 @@ def build(*, model: str = "", ceiling: int = 20, holes: int = 12, part: float = 
     if not 0.0 < part < 0.9:
         raise SceneError(f"foliage: part={part}; it must be between 0 and 0.9")
     rng = np.random.default_rng(seed)
-    levels = tessellated(model, ceiling)
+    levels, errors = tessellated(model, ceiling)
     scene = Scene(name="foliage")
     scene.add(Geode(Mesh.box((-14, -4, FLOOR - 0.1), (14, 4, FLOOR)), name="ground", color=GROUND))
     for name, side, count, color in (("wall", -BESIDE, 1, WALL), ("tree", BESIDE, holes, LEAVES)):
         # models have y up
-        upright = Transform(Lod(*levels, name=f"object behind the {name}"), rotation=(90.0, (1, 0, 0)))
+        upright = Transform(Lod(*levels, errors=errors, name=f"object behind the {name}"), rotation=(90.0, (1, 0, 0)))
         sheet = Geode(panel(count, part, rng), name=name, color=color)
         group = Group(upright, Transform(sheet, translation=(0, -BEFORE, 0)), name=f"{name} and object")
         group.add(Geode(Mesh.box((-0.5, -0.5, FLOOR), (0.5, 0.5, -0.9)), name=f"pedestal behind the {name}"))

@@ -16,6 +16,7 @@ from .shapes import Floats, Ints, icosphere, vertex_normals
 
 #: Triangles of the thesis' bunny; its finest tessellation makes 600 of each.
 TRIANGLES = 98
+COLOR = (0.80, 0.72, 0.62)
 
 #: Lobes of the stand-in: direction, how far it reaches beyond the trunk, how narrow it is.
 _LOBES = (
@@ -51,7 +52,7 @@ def bunny(model: str = "", *, triangles: int = TRIANGLES) -> Mesh:
     points, faces = reduced(points, faces, triangles)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     points = (points - middle) / (np.linalg.norm(points - middle, axis=1).max() or 1.0)
-    return Mesh(points, faces, name="bunny", normals=vertex_normals(points, faces))
+    return Mesh(points, faces, name="bunny", color=COLOR, normals=vertex_normals(points, faces))
 
 
 def _stand_in() -> tuple[Floats, Ints]:
