@@ -110,8 +110,8 @@ def _lines(paths: Sequence[str], series: Sequence[Series], unit: str, count: int
     """Lines along the path, each named at its right end, so that color is never the only key."""
     figure, axes = _figure(7.6, 3.1)
     figure.subplots_adjust(right=0.97 - _text_width([name for name, *_ in series]))
-    highest = max(max(values) for _, values, _, _ in series)
-    lowest = min(min(values) for _, values, _, _ in series)
+    highest = float(np.nanmax(np.concatenate([np.asarray(values, float) for _, values, _, _ in series])))
+    lowest = float(np.nanmin(np.concatenate([np.asarray(values, float) for _, values, _, _ in series])))
     logarithmic = lowest > 0 and highest > 15 * lowest
     for _, values, color, dash in series:
         marker = "o" if len(values) <= 24 else ""

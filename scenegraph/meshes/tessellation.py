@@ -1,18 +1,18 @@
 """Phong tessellation: a coarse mesh with vertex normals made round, at any level, without cracks.
 
 Boubekeur and Alexa, "Phong tessellation" (SIGGRAPH Asia 2008), eq. 3: a point of a triangle is projected onto the
-tangent planes of its corners, and the mean of these, weighted as the point, is blended with the point itself by α = 3/4.
+tangent planes of its corners; the mean of these, weighted as the point is, is blended with the point by α = 3/4.
 
-Triangles are divided as OpenGL's tessellator divides them with all levels equal (OpenGL 4.6, section 11.2.2.1): rings of
-triangles within each other, each with two segments less along its sides. Level n makes ⌊3n²/2⌋ triangles of one, for odd n
-as for even n: 1, 6, 13, 24, ... and 600 at level 20.
+Triangles are divided as OpenGL's tessellator divides them with all levels equal (OpenGL 4.6, section 11.2.2.1): in
+rings within each other, each with two segments less along its sides than the one around it. Level n makes ⌊3n²/2⌋
+triangles of one: 1, 6, 13, 24, ... and 600 at level 20.
 
 No cracks: the points along an edge depend on its two ends alone, and are made once per edge.
 
 Model error: the surface is a quadratic polynomial over each triangle, and a level is its linear interpolation. Over a
 small triangle with sides d the two differ by the sum of w_i w_j Q(d_ij) over its pairs of corners, with Q the quadratic
-part and weights w of sum 1; so by no more than a third of the largest |Q|. That is exact arithmetic and no sampling, and an
-upper bound of the distance. A level lies no farther from the finest level than both lie from the polynomial together.
+part and weights w of sum 1: by no more than a third of the largest |Q|. That is a bound of the distance, and not a
+sample of it. A level lies no farther from the finest level than both together lie from the polynomial.
 """
 
 from __future__ import annotations
@@ -161,8 +161,7 @@ def pattern(level: int) -> tuple[F64, I64]:
             rings.append([count] * 3)
             break
         step = (np.arange(segments) / segments)[:, None]
-        for side in range(3):
-            weights.append((1 - step) * corners[side] + step * corners[(side + 1) % 3])
+        weights += [(1 - step) * corners[side] + step * corners[(side + 1) % 3] for side in range(3)]
         rings.append(list(range(count, count + 3 * segments)))
         count += 3 * segments
     triangles: list[tuple[int, int, int]] = []
