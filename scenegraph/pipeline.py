@@ -178,16 +178,22 @@ class Pipeline:
             raise PipelineError(f"stage {wanting} needs OpenGL, but no device was given; run it in a window")
         self.close()
         self._snapshot, self._device, self._progress = snapshot, device, progress
-        self._structure = snapshot.structure_version
-        known = registry() if self._registry is None else self._registry
-        for need in sorted(self.needs - set(_SERVICES)):
-            snapshot.prepared(need, partial(known.preparations[need].build, progress=progress))
+        self._prepare(snapshot)
         for stage in self.stages:
             self._opened.append(stage)
             self.running = stage
             stage.open(snapshot, progress)
         self.running = None
         return self
+
+    def _prepare(self, snapshot: Snapshot) -> None:
+        known = registry() if self._registry is None else self._registry
+        self._structure = -1
+        # one that changes the snapshot (levels) drops what was prepared before it
+        while self._structure != snapshot.structure_version:
+            self._structure = snapshot.structure_version
+            for need in sorted(self.needs - set(_SERVICES)):
+                snapshot.prepared(need, partial(known.preparations[need].build, progress=self._progress))
 
     def close(self) -> None:
         """Release what the stages hold; the pipeline can be opened again."""

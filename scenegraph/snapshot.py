@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import SceneError
 from .hierarchy import spatialize
 from .kernels.boxes import box_from_bounds, box_packed, box_to_bounds, box_transformed
 from .kernels.slices import slice_expand
@@ -75,6 +76,7 @@ class Snapshot:
         self._rebuild = False
         self._prepared: dict[str, Any] = {}
         self._adopted: dict[Geode | Lod, Sequence[Occluder]] = {}
+        self._chains: dict[Mesh, Sequence[tuple[Mesh, float]]] = {}
         self._watched: Group | None = None
         self._build()
 
@@ -165,17 +167,26 @@ class Snapshot:
         self._moved.clear()
         self._rebuild = False
 
-    def _collect_meshes(self, nodes: Sequence[Geode | Lod]) -> None:
-        """Number meshes and shapes; a shape is what rows share: the meshes of all levels and their errors."""
-        self.meshes: list[Mesh] = []
-        mesh_number: dict[int, int] = {}
+    def _collect_meshes(self, nodes: Sequence[Geode | Lod], known: Sequence[Mesh] = ()) -> None:
+        """Number meshes and shapes; a shape is what rows share: the meshes of all levels and their errors.
+
+        Meshes that are known keep their numbers.
+        """
+        self.meshes: list[Mesh] = list(known)
+        mesh_number = {id(mesh): number for number, mesh in enumerate(self.meshes)}
         shape_number: dict[tuple[object, ...], int] = {}
+        key: tuple[object, ...]
         shapes: list[tuple[tuple[int, ...], tuple[float, ...]]] = []
         index = np.empty(len(nodes), np.int32)
         for row, node in enumerate(nodes):
-            levels = (node._mesh,) if isinstance(node, Geode) else tuple(g._mesh for g in node.levels)
-            errors = (0.0,) if isinstance(node, Geode) else node.errors
-            key = (*map(id, levels), *map(str, errors)) if isinstance(node, Lod) else (id(levels[0]),)
+            if isinstance(node, Geode):
+                chain = self._chains.get(node._mesh)
+                levels = (node._mesh,) if chain is None else tuple(mesh for mesh, _ in chain)
+                errors = (0.0,) if chain is None else tuple(error for _, error in chain)
+                key = (id(node._mesh),)
+            else:
+                levels, errors = tuple(g._mesh for g in node.levels), node.errors
+                key = (*map(id, levels), *map(str, errors))
             number = shape_number.get(key)
             if number is None:
                 for mesh in levels:
@@ -255,6 +266,34 @@ class Snapshot:
         self._adopted = dict(occluders)
         self._build_occluders()
         self.version += 1
+
+    def adopt_levels(self, chains: Mapping[Mesh, Sequence[tuple[Mesh, float]]]) -> None:
+        """Use coarser levels that are not in the graph, for all drawables that have a mesh and no levels of their own.
+
+        Rows and numbers of meshes stay as they are. What was prepared before is dropped, and `structure_version`
+        counted up: who holds arrays over levels has to look again.
+
+        Parameters
+        ----------
+        chains : mapping of Mesh to sequences of (Mesh, float)
+            The mesh itself and its coarser levels, each with its model error in local units, as
+            `scenegraph.meshes.level_chain` gives them. They stay until others are adopted for the same mesh.
+        """
+        new = {m: tuple(c) for m, c in chains.items() if self._chains.get(m, ((m, 0.0),)) != tuple(c)}
+        if not new:
+            return
+        if any(not chain or chain[0][0] is not mesh for mesh, chain in new.items()):
+            raise SceneError("adopted levels begin with the mesh that they belong to")
+        self._chains |= new
+        before = self._local_boxes[:, self._shape_index]
+        self._collect_meshes(self.geodes, self.meshes)
+        if np.array_equal(before, self._local_boxes[:, self._shape_index], equal_nan=True):
+            self._shape_arrays()
+        else:
+            self._build()
+        self._prepared.clear()
+        self.version += 1
+        self.structure_version += 1
 
     def _build_occluders(self) -> None:
         nodes = [o for o, _ in self._occluder_nodes]

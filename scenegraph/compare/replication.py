@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from scenegraph.compare.command import progress_bar, writable_folder
+from scenegraph.compare.counting import CountedRun, count_along
 from scenegraph.compare.results import RunResult
 from scenegraph.compare.suite import suite_of
 from scenegraph.errors import ScenegraphError, nearest
@@ -26,8 +27,10 @@ from scenegraph.progress import Progress
 from scenegraph.registry import Registry, registry
 
 if TYPE_CHECKING:
-    from scenegraph.compare.counting import CountedRun
     from scenegraph.frame import Frame
+
+
+__all__ = ["Cell", "CountedRun", "Laboratory", "Plot", "Replication", "replicate"]
 
 
 @dataclass(frozen=True)
@@ -172,8 +175,6 @@ class Laboratory:
         look : callable, optional
             Called with the pipeline's name, the number of the view and the frame.
         """
-        from scenegraph.compare.counting import count_along
-
         checked = suite_of(dict(suite), self.known)
         if self.quick:
             checked = checked.quicker()

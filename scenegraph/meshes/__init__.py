@@ -1,4 +1,4 @@
-"""What is derived from meshes: occluders fitted into them, and the disk cache that keeps such data."""
+"""What is derived from meshes: occluders fitted into them, coarser levels, and the disk cache for both."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from .cache import DiskCache, cache_folder
 from .fitted import FittedOccluder, FittedOccluders
 from .fitting import fit_occluders
 from .inner import inner_shell
+from .levels import SceneLevels, levels_for
 from .placing import MeshOccluders, PlacedOccluders, SceneOccluders, occluders_for
+from .simplification import level_chain, simplify
 
 __all__ = [
     "DiskCache",
@@ -14,9 +16,13 @@ __all__ = [
     "FittedOccluders",
     "MeshOccluders",
     "PlacedOccluders",
+    "SceneLevels",
     "SceneOccluders",
     "cache_folder",
     "fit_occluders",
     "inner_shell",
+    "level_chain",
+    "levels_for",
     "occluders_for",
+    "simplify",
 ]

@@ -11,6 +11,7 @@ from ..progress import Progress
 
 if TYPE_CHECKING:
     from ..snapshot import Snapshot
+    from .levels import SceneLevels
     from .placing import SceneOccluders
 
 # The marker that `scenegraph.hookimpl` is; importing it from there would import the whole host.
@@ -20,6 +21,7 @@ _hookimpl = pluggy.HookimplMarker("scenegraph")
 @_hookimpl
 def scenegraph_register_preparations(register: Callable[[str, Callable[..., Any], str], None]) -> None:
     """Register the host's own preparations."""
+    register("levels", levels, "Levels of detail declared in the graph; for drawables without, made from their meshes.")
     register("occluders", occluders, "Occluders declared in the graph; where there are none, fitted into its meshes.")
 
 
@@ -38,3 +40,18 @@ def occluders(snapshot: Snapshot, progress: Progress) -> SceneOccluders | None:
     found = occluders_for(snapshot, progress=progress)
     snapshot.adopt_occluders({entry.node: entry.occluders for entry in found.placed})
     return found
+
+
+def levels(snapshot: Snapshot, progress: Progress) -> SceneLevels:
+    """Make coarser levels for drawables that have none, and let the snapshot adopt them; the graph stays as it is.
+
+    Returns
+    -------
+    SceneLevels
+        What was made, and what was left out.
+    """
+    from .levels import levels_for
+
+    made = levels_for(snapshot, progress=progress)
+    snapshot.adopt_levels(made.chains)
+    return made
