@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..mesh import Mesh
-from ..meshes.tessellation import phong_levels
+from ..meshes import tessellation_chain
 from ..nodes import Lod, Node, Transform
 from ..scene import Scene
 from ..view import View
@@ -123,7 +123,8 @@ def sparse(*, model: str = "", ceiling: int = 2, count: int = 10001, spacing: fl
 
 def tessellated(model: str, ceiling: int) -> tuple[list[Mesh], list[float]]:
     """Levels of detail of a bunny, finest first, and their errors: tessellation levels `ceiling` to 1."""
-    return phong_levels(bunny(model), ceiling)
+    levels, errors = zip(*tessellation_chain(bunny(model), ceiling), strict=True)
+    return list(levels), list(errors)
 
 
 def _check(ceiling: int, count: int, spacing: float) -> None:
