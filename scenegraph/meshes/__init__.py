@@ -9,6 +9,7 @@ from .inner import inner_shell
 from .levels import SceneLevels, levels_for
 from .placing import MeshOccluders, PlacedOccluders, SceneOccluders, occluders_for
 from .simplification import level_chain, simplify
+from .tessellation import tessellate, tessellated_triangles, tessellation_chain
 
 __all__ = [
     "DiskCache",
@@ -25,4 +26,7 @@ __all__ = [
     "levels_for",
     "occluders_for",
     "simplify",
+    "tessellate",
+    "tessellated_triangles",
+    "tessellation_chain",
 ]
