@@ -1,7 +1,7 @@
 """Two equal objects, one behind a wall with a large hole, one behind a tree with many small ones (Kristmann 2022).
 
-Figure 3.1 of the thesis: as much can be seen of both, but fine details show through the large hole only. Wall and crown
-of the tree are flat. The holes of the tree are spread over all of its object; that of the wall has the same area, and is
+Figure 3.1 of the thesis: as much can be seen of both, but fine details show through the large hole only. Wall and tree
+are flat. The holes of the tree are spread over all of its object; that of the wall has the same area, and is
 put where as much of its object can be seen from the nearest view.
 """
 
