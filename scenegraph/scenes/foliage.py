@@ -148,6 +148,8 @@ def silhouette_points(points: Floats, faces: Ints, rect: Floats, count: int = 64
     lattice = np.stack(np.meshgrid(u, v, indexing="ij"), axis=2).reshape(-1, 2)
     covered = np.zeros(len(lattice), bool)
     for a, b, c in points[faces]:
-        sides = [np.cross(q - p, lattice - p) for p, q in ((a, b), (b, c), (c, a))]
+        sides = [
+            (q - p)[0] * (lattice - p)[:, 1] - (q - p)[1] * (lattice - p)[:, 0] for p, q in ((a, b), (b, c), (c, a))
+        ]
         covered |= (np.minimum.reduce(sides) >= 0) | (np.maximum.reduce(sides) <= 0)
     return lattice[covered]
