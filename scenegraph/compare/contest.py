@@ -58,7 +58,7 @@ class Contestant:
 
         self.spec = spec
         self._window = OffscreenWindow(*size, background, vtk_culler=spec.vtk_culler)
-        self.pipeline = Pipeline.parse(spec.stages, registry, name=spec.name)
+        self.pipeline = Pipeline.parse(spec.stages, registry, name=spec.name, adaptive=spec.adaptive)
         start = perf_counter()
         self.pipeline.open(snapshot, device=self._device(), progress=tell)
         opened = perf_counter()
@@ -96,6 +96,9 @@ class Contestant:
         applied = perf_counter()
         self._window.draw(view)
         end = perf_counter()
+        if self.spec.adaptive:
+            record = frame.record
+            self.pipeline.worth.drawn(objects=record.visible, triangles=record.triangles, ms=1e3 * (end - start))
         if self.spec.vtk_culler:
             frame.visible &= self._drawing.drawn_by_vtk()
             frame.record.visible = int(np.count_nonzero(frame.visible))

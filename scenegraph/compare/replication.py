@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from scenegraph.compare.command import progress_bar, writable_folder
+from scenegraph.compare.counting import CountedRun, count_along
 from scenegraph.compare.results import RunResult
 from scenegraph.compare.suite import suite_of
 from scenegraph.errors import ScenegraphError, nearest
@@ -29,6 +30,10 @@ from scenegraph.registry import Registry, registry
 
 if TYPE_CHECKING:
     from scenegraph.compare.playing import Played
+    from scenegraph.frame import Frame
+
+
+__all__ = ["Cell", "CountedRun", "Laboratory", "Picture", "Plot", "Replication", "likeness", "replicate"]
 
 
 @dataclass(frozen=True)
@@ -55,18 +60,25 @@ class Cell:
 
 @dataclass(frozen=True)
 class Plot:
-    """One of a paper's figures, measured here: values along a camera path.
+    """One of a paper's figures, measured here: values along camera paths.
 
     Attributes
     ----------
-    title, unit : str
-    series : dict of str to list of float
-        One value per frame, by name of the pipeline.
+    title : str
+    unit : str
+        Of all values.
+    series : mapping of str to sequence of float
+        One value per frame, by name of the pipeline; NaN where there is none.
+    caption : str
+    paths : sequence of str
+        Name of the path that each frame belongs to; empty if there is but one.
     """
 
     title: str
     unit: str
-    series: dict[str, list[float]]
+    series: Mapping[str, Sequence[float]]
+    caption: str = ""
+    paths: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -93,6 +105,8 @@ class Replication:
     paper, title : str
         The name on the command line; the paper.
     cells : list of Cell
+    plots : list of Plot
+        Shown above the plots of the runs.
     remarks : list of str
         What must be known to read the numbers: what was changed, what has no counterpart, and why.
     runs : dict
@@ -105,9 +119,9 @@ class Replication:
     paper: str
     title: str
     cells: list[Cell] = field(default_factory=list)
+    plots: list[Plot] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     runs: dict[str, dict[str, Any]] = field(default_factory=dict)
-    plots: list[Plot] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
 
 
@@ -116,12 +130,15 @@ class Laboratory:
 
     Attributes
     ----------
+    known : Registry
     quick : bool
         Few frames are wanted.
     model : Path or None
         A model file that the user has given.
     folder : Path
         Where files may be written.
+    results : dict of str to RunResult
+        Every frame of the suites that were run, by scene.
     """
 
     def __init__(self, known: Registry, folder: Path, tell: Progress, *, quick: bool, model: Path | None) -> None:
@@ -184,6 +201,30 @@ class Laboratory:
                 log=log,
                 tell=lambda what, share: self._tell(f"{scene}: {what}", share),
             )
+
+    def count(
+        self,
+        scene: str,
+        suite: Mapping[str, Any],
+        *,
+        look: Callable[[str, int, Frame], None] | None = None,
+    ) -> CountedRun:
+        """Run the pipelines of a suite and draw nothing: for scenes that are too large to be drawn.
+
+        Parameters
+        ----------
+        scene : str
+        suite : mapping
+            As for `run`.
+        look : callable, optional
+            Called with the pipeline's name, the number of the view and the frame.
+        """
+        checked = suite_of(dict(suite), self.known)
+        if self.quick:
+            checked = checked.quicker()
+        return count_along(
+            checked, self.known, tell=lambda what, share: self._tell(f"{scene}: {what}", share), look=look
+        )
 
 
 def likeness(image: NDArray[np.uint8], reference: NDArray[np.uint8]) -> dict[str, float]:
@@ -259,8 +300,15 @@ def as_json(found: Replication) -> dict[str, Any]:
     """The content of `--json`: cells with a counterpart, our own rows apart, plots, and the summaries of the runs."""
     cells = [asdict(c) for c in found.cells if c.paper is not None]
     added = [asdict(c) for c in found.cells if c.paper is None]
-    found_too = {"remarks": found.remarks, "runs": found.runs, "plots": [asdict(p) for p in found.plots]}
-    return {"paper": found.paper, "cells": cells, "added": added, **found_too}
+    plots = [asdict(p) for p in found.plots]
+    return {
+        "paper": found.paper,
+        "cells": cells,
+        "added": added,
+        "plots": plots,
+        "remarks": found.remarks,
+        "runs": found.runs,
+    }
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import jinja2
 import numpy as np
 from PIL import Image as Picture
 
-from scenegraph.compare.figures import path_lines, plots, series_color
+from scenegraph.compare.figures import path_plot, plots, series_color
 from scenegraph.compare.metrics import Image, share
 from scenegraph.compare.overhead import frustum_overlay
 from scenegraph.compare.results import Pictures, RunResult, Shot
@@ -74,9 +74,9 @@ def render_replication(found: Replication, runs: Mapping[str, RunResult]) -> str
             found=found,
             tables=tables_of(found),
             number=number,
+            figures=[(p, path_plot(p.paths, p.series, p.unit)) for p in found.plots],
             runs=runs,
             plots={scene: plots(run) for scene, run in runs.items()},
-            lines=[(plot.title, path_lines(plot.series, plot.unit)) for plot in found.plots],
             pictures=[(picture.title, picture.caption, _png(picture.image)) for picture in found.pictures],
         )
     )

@@ -38,6 +38,8 @@ class PipelineSpec(_Table):
     draw: Literal["auto", "batches", "actors"] = "auto"
     vtk_culler: bool = False
     """Leave VTK's own culler in the renderer, as a window of pyvista has it. Needs `draw = "actors"`."""
+    adaptive: bool = False
+    """Skip stages for a while whose time exceeds what they save. What is skipped depends on the clock."""
     summary: str = ""
 
     @model_validator(mode="after")

@@ -6,6 +6,7 @@ from .cache import DiskCache, cache_folder
 from .fitted import FittedOccluder, FittedOccluders
 from .fitting import fit_occluders
 from .hlod import Hlod, HlodReport, hlod_of
+from .inner import inner_shell
 from .levels import SceneLevels, levels_for
 from .placing import MeshOccluders, PlacedOccluders, SceneOccluders, occluders_for
 from .simplification import level_chain, simplify
@@ -24,6 +25,7 @@ __all__ = [
     "cache_folder",
     "fit_occluders",
     "hlod_of",
+    "inner_shell",
     "level_chain",
     "levels_for",
     "occluders_for",

@@ -52,14 +52,18 @@ class Marks:
         self._gizmos.clear()
         self.insets, self.legend = [], []
 
-    def explain(self, frame: Frame, coloring: Overlay | None, gizmos: Sequence[Overlay]) -> bool:
-        """Draw what overlays have to show of a frame, and say whether its own colors are replaced.
+    def explain(
+        self, frame: Frame, coloring: Overlay | None, gizmos: Sequence[Overlay], picked: int | None = None
+    ) -> bool:
+        """Draw what overlays have to show of a frame and of a picked row; whether its own colors are replaced.
 
         Raises
         ------
         Exception
             Whatever the overlays raise; then nothing of them is drawn.
         """
+        for overlay in (*gizmos, *(() if coloring is None else (coloring,))):
+            overlay.picked = picked
         colors = None if coloring is None else coloring.colors(frame)
         legend = [] if coloring is None else coloring.legend(frame)
         lines = [line for overlay in gizmos for line in overlay.lines(frame)]
