@@ -70,6 +70,9 @@ class Overlay:
     stage: ClassVar[str] = ""
     key: ClassVar[str] = ""
 
+    #: The row that the user has picked, or None; set by the viewer before it asks for anything.
+    picked: int | None = None
+
     @classmethod
     def summary(cls) -> str:
         """First line of the docstring."""

@@ -230,9 +230,7 @@ class Pipeline:
         # counting triangles is our curiosity, not part of culling: after the clock has stopped
         frame._count_triangles()
         if self.adaptive:
-            for record in frame.record.stages:
-                if record.skipped is None:
-                    self.worth.ran(record)
+            self._account(frame.record.stages)
         return frame
 
     def _run(self, view: View, index: int | None, view_name: str, begin: int) -> Frame:
@@ -265,7 +263,7 @@ class Pipeline:
                     stage.run(frame)
                 finally:
                     frame._stage = frame._stage_record = None
-                now = frame.visible_count
+                now = frame.kept_count
                 record.hidden, before = before - now, now
                 if "level" in stage.writes:
                     coarser = int(np.count_nonzero(frame.level))
@@ -284,9 +282,20 @@ class Pipeline:
         number = self._index if index is None else index
         return [self.run(view, index=number, view_name=str(i)) for i, view in enumerate(views)]
 
+    def _account(self, records: Sequence[StageRecord]) -> None:
+        """Tell what each stage cost and saved; a stage gets credit for those that read what it puts."""
+        for i, (stage, record) in enumerate(zip(self.stages, records, strict=True)):
+            if record.skipped is None:
+                later = zip(self.stages[i + 1 :], records[i + 1 :], strict=True)
+                readers = [r for s, r in later if r.skipped is None and set(s.reads) & set(stage.writes)]
+                self.worth.ran(record, readers)
+
     def _skip_reason(self, stage: Stage, frame: Frame) -> str | None:
         if stage.name in self.disabled:
             return "switched off"
+        missing = [kind.__name__ for kind in stage.reads if frame.find(kind) is None]
+        if missing:
+            return f"no stage has put {' or '.join(missing)} into this frame"
         if frame.visible_count < stage.minimum_candidates:
             return f"only {frame.visible_count} candidates left"
         if self.adaptive:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from .log import StageRecord
@@ -42,15 +43,25 @@ class Worth:
             if amount > 0:
                 setattr(self, name, _mixed(getattr(self, name), 0.5 * ms / amount))
 
-    def ran(self, record: StageRecord) -> None:
-        """Account for a frame in which a stage ran."""
+    def ran(self, record: StageRecord, readers: Iterable[StageRecord] = ()) -> None:
+        """Account for a frame in which a stage ran.
+
+        Parameters
+        ----------
+        record : StageRecord
+        readers : iterable of StageRecord
+            Stages that worked with what it has put into the frame: without it, neither their time nor what they save.
+        """
         account = self._accounts.setdefault(record.name, _Account())
-        triangles = record.triangles_before - record.triangles_after
-        account.ms = _mixed(account.ms, record.ms)
-        account.saved_ms = _mixed(
-            account.saved_ms, record.hidden * self.ms_per_object + triangles * self.ms_per_triangle
-        )
+        all_records = [record, *readers]
+        account.ms = _mixed(account.ms, sum(r.ms for r in all_records))
+        account.saved_ms = _mixed(account.saved_ms, sum(map(self.saves, all_records)))
         account.runs += 1
+
+    def saves(self, record: StageRecord) -> float:
+        """Milliseconds of drawing that a stage has saved in a frame."""
+        triangles = record.triangles_before - record.triangles_after
+        return record.hidden * self.ms_per_object + triangles * self.ms_per_triangle
 
     def skip(self, name: str, index: int) -> str | None:
         """Why a stage should not run in frame `index`, or None. Pauses double as long as trials keep failing."""

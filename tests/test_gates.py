@@ -138,7 +138,7 @@ def test_everything_installed_loads():
 
 #: What plugins may import besides the names in `scenegraph.__all__`.
 PUBLIC_ROOMS = {"kernels", "meshes", "progress", "render", "testing", "viewer"}
-PUBLIC_MODULES = {"scenegraph.compare.replication"}
+PUBLIC_MODULES = {"scenegraph.compare.metrics", "scenegraph.compare.replication"}
 
 
 @pytest.mark.parametrize("path", sources("plugins"), ids=relative)

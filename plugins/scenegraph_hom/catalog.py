@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from scenegraph import Mesh, OccluderTable, Snapshot, View
 from scenegraph.kernels.boxes import box_from_bounds, box_packed
+from scenegraph.meshes import inner_shell
 
 from .shapes import F64, I64, ShapeTable, occluder_shapes
 
@@ -18,6 +20,9 @@ Mask = NDArray[np.bool_]
 
 #: A drawable of no more triangles is drawn itself, rather than what was fitted into it.
 FEW_TRIANGLES = 100
+
+#: Inner shells take seconds each when they are first made: only the most frequent meshes get one.
+SHELLS = 64
 
 
 @dataclass
@@ -42,6 +47,8 @@ class Catalog:
     triangles : (i,) int64
     coarsest : bool
         Drawables are drawn at their coarsest level instead of their finest.
+    shell : (i,) bool
+        Not the drawable itself is drawn, but a shell that is proved to lie inside it, for eyes outside.
     """
 
     table: ShapeTable
@@ -53,6 +60,7 @@ class Catalog:
     owner: I64
     triangles: I64
     coarsest: bool
+    shell: Mask
     _packed: NDArray[np.float32]
     _version: int = -1
 
@@ -84,10 +92,10 @@ class Catalog:
         """(i,) items that hold for a view, or None if all do: where an occluder does not, its drawable steps in."""
         declared = np.flatnonzero(self.row < 0)
         if not len(declared):
-            return None
+            return None if not self.shell.any() else self._seen_from_outside(view, snapshot)
         holds = self.occluders.holds_for(view, snapshot.boxes) & self._facing(view)
         conditional = self.occluders.outside_only[self.declared[declared]]
-        out = np.ones(len(self), bool)
+        out = self._seen_from_outside(view, snapshot)
         out[declared] = holds[self.declared[declared]]
         if conditional.any():
             first, end = self.owner[declared[conditional & out[declared]]].T
@@ -95,7 +103,20 @@ class Catalog:
             np.add.at(step, first, 1)
             np.add.at(step, end, -1)
             drawables = self.row >= 0
-            out[drawables] = np.cumsum(step)[self.row[drawables]] == 0
+            out[drawables] &= np.cumsum(step)[self.row[drawables]] == 0
+        return out
+
+    def _seen_from_outside(self, view: View, snapshot: Snapshot) -> Mask:
+        """(i,) False for shells of drawables whose box the near plane's corners or the eye may reach into."""
+        out = np.ones(len(self), bool)
+        inner = np.flatnonzero(self.shell)
+        if len(inner):
+            corners = view.corners(far=view.near)
+            low = np.minimum(corners.min(axis=0), view.eye if not view.is_parallel else corners.min(axis=0))
+            high = np.maximum(corners.max(axis=0), view.eye if not view.is_parallel else corners.max(axis=0))
+            boxes = snapshot.boxes[:, self.row[inner]]
+            apart = (boxes[:3] - boxes[3:] > high[:, None]) | (boxes[:3] + boxes[3:] < low[:, None])
+            out[inner] = apart.any(axis=0)
         return out
 
     def _facing(self, view: View) -> Mask:
@@ -119,7 +140,15 @@ def _boxes(table: OccluderTable) -> F64:
     return box_from_bounds(low, high)
 
 
-def make_catalog(snapshot: Snapshot, *, source: Source, largest: int, coarsest: bool) -> Catalog:
+def make_catalog(
+    snapshot: Snapshot,
+    *,
+    source: Source,
+    largest: int,
+    coarsest: bool,
+    inner: bool = False,
+    progress: Callable[[str, float], None] | None = None,
+) -> Catalog:
     """What may be drawn.
 
     Parameters
@@ -133,23 +162,33 @@ def make_catalog(snapshot: Snapshot, *, source: Source, largest: int, coarsest: 
         Drawables of more triangles are left out.
     coarsest : bool
         Draw the coarsest level of drawables instead of the finest.
+    inner : bool
+        Draw shells made of coarsest levels and proved to lie inside, where the finest has more than a few triangles.
+    progress : callable, optional
     """
     table = snapshot.occluders
     last = snapshot.level_count.astype(np.int64) - 1 if coarsest else np.zeros(snapshot.n, np.int64)
     level_mesh = snapshot.level_meshes[np.arange(snapshot.n), last]
-    usable = np.array([_is_opaque(m) and 0 < m.triangles <= largest for m in snapshot.meshes], bool)
-    allowed = usable[level_mesh] & (snapshot.colors[:, 3] >= 1.0) & ~snapshot.unknown
+    opaque = np.array([_is_opaque(m) for m in snapshot.meshes], bool)
+    count = np.array([m.triangles for m in snapshot.meshes], np.int64)
+    allowed = opaque[level_mesh] & (snapshot.colors[:, 3] >= 1.0) & ~snapshot.unknown
+    shells: list[Mesh] = []
+    shell_of = np.full(snapshot.n, -1)
+    if inner and not coarsest and source != "declared":
+        shells, shell_of = _inner_shells(snapshot, allowed, largest, progress)
+    allowed &= (shell_of >= 0) | ((count[level_mesh] > 0) & (count[level_mesh] <= largest))
     chosen = np.arange(len(table) if source != "meshes" else 0)
     if source == "declared":
         allowed[:] = False
     elif source == "auto" and len(table):
-        count = snapshot.triangles[last, np.arange(snapshot.n)]
-        chosen = chosen[~_spare(table, allowed & (count <= FEW_TRIANGLES))]
+        chosen = chosen[~_spare(table, allowed & (count[level_mesh] <= FEW_TRIANGLES))]
         for first, end in table.owner[chosen[~table.outside_only[chosen]]].tolist():
             allowed[first:end] = False
     rows = np.flatnonzero(allowed)
-    used, mesh = np.unique(level_mesh[rows], return_inverse=True)
-    shapes = occluder_shapes([snapshot.meshes[i] for i in used.tolist()], table if len(chosen) else None)
+    drawn = np.where(shell_of >= 0, len(snapshot.meshes) + shell_of, level_mesh)[rows]
+    meshes = [*snapshot.meshes, *shells]
+    used, mesh = np.unique(drawn, return_inverse=True)
+    shapes = occluder_shapes([meshes[i] for i in used.tolist()], table if len(chosen) else None)
     none = np.full(len(rows), -1)
     fans = np.diff(table.loop_first) - 2
     faces = np.add.reduceat(fans, table.face_first[:-1])[chosen] if len(chosen) else np.zeros(0, np.int64)
@@ -161,10 +200,40 @@ def make_catalog(snapshot: Snapshot, *, source: Source, largest: int, coarsest: 
         np.concatenate([rows, np.full(len(chosen), -1)]),
         np.concatenate([none, chosen]),
         np.concatenate([np.zeros((len(rows), 2), np.int64), table.owner[chosen]]),
-        np.concatenate([snapshot.triangles[last[rows], rows].astype(np.int64), faces]),
+        np.concatenate([np.array([m.triangles for m in meshes], np.int64)[drawn], faces]),
         coarsest,
+        np.concatenate([shell_of[rows] >= 0, np.zeros(len(chosen), bool)]),
         np.zeros((len(rows) + len(chosen), 8), np.float32),
     )
+
+
+def _inner_shells(
+    snapshot: Snapshot, allowed: Mask, largest: int, progress: Callable[[str, float], None] | None
+) -> tuple[list[Mesh], NDArray[np.int64]]:
+    """Shells of the most frequent pairs of finest and coarsest level, and (n,) the shell of each row, or -1."""
+    finest = snapshot.level_meshes[:, 0].astype(np.int64)
+    coarse = snapshot.level_meshes[np.arange(snapshot.n), snapshot.level_count.astype(np.int64) - 1].astype(np.int64)
+    triangles = np.array([m.triangles for m in snapshot.meshes] + [0], np.int64)
+    worth = allowed & (triangles[finest] > FEW_TRIANGLES) & (2 * triangles[coarse] <= triangles[finest])
+    worth &= triangles[coarse] <= largest
+    rows = np.flatnonzero(worth)
+    pairs, of, uses = np.unique(
+        np.column_stack([finest[rows], coarse[rows]]), axis=0, return_inverse=True, return_counts=True
+    )
+    shells: list[Mesh] = []
+    number = np.full(len(pairs), -1)
+    asked = np.argsort(-uses, kind="stable")[:SHELLS]
+    for done, pair in enumerate(asked.tolist()):
+        if progress is not None:
+            progress("fitting inner shells", done / len(asked))
+        a, b = pairs[pair].tolist()
+        shell = inner_shell(snapshot.meshes[a], snapshot.meshes[b])
+        if shell is not None:
+            number[pair] = len(shells)
+            shells.append(shell)
+    shell_of = np.full(snapshot.n, -1)
+    shell_of[rows] = number[of.reshape(-1)]
+    return shells, shell_of
 
 
 def _spare(table: OccluderTable, cheap: Mask) -> Mask:

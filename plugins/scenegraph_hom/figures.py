@@ -40,6 +40,7 @@ def plot_block(occlusion: OcclusionMap, box: NDArray[np.float64]) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
+    occlusion = occlusion.by_centers
     block = occlusion.block(box)
     if block is None:
         raise ValueError("the box reaches the near plane or lies outside the view: it has no block")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -93,6 +94,8 @@ class OcclusionMap:
         Indices of declared occluders that were drawn.
     strict : bool
         Closed texels are wholly covered; otherwise their centers are.
+    redraw : callable, optional
+        Makes `codes` of the same occluders by centers.
     """
 
     view: View
@@ -101,6 +104,14 @@ class OcclusionMap:
     rows: NDArray[np.int64]
     declared: NDArray[np.int64]
     strict: bool
+    redraw: Callable[[], NDArray[np.uint16]] | None = None
+
+    @cached_property
+    def by_centers(self) -> OcclusionMap:
+        """The map whose texels are closed where their centers are covered: strict coverage makes every hole larger."""
+        if not self.strict or self.redraw is None:
+            return self
+        return replace(self, codes=self.redraw(), strict=False, redraw=None)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -166,6 +177,8 @@ class OcclusionMap:
 
     def block(self, box: NDArray[np.float64]) -> Block | None:
         """How the level of visibility of one world box (6,) comes about; None where it cannot be told."""
+        if self.by_centers is not self:
+            return self.by_centers.block(box)
         texels, codes, testable = self.footprint(np.asarray(box, np.float64).reshape(6, 1))
         if not testable[0]:
             return None
@@ -173,12 +186,10 @@ class OcclusionMap:
         level = int(levels[0])
         image = self.counts[level] / map_cell_texels(self.size, level) - 0.5
         depths = self.farthest_pyramid[level], self.nearest_pyramid[level], codes
-        coefficients, total = block_coefficients(image, cells, depths=depths)
+        coefficients, total = block_coefficients(image, cells, depths=depths, texels=(self.codes, level))
         x0, y0, x1, y1 = cells[:, 0].tolist()
-        part = slice(y0, y1), slice(x0, x1)
-        opacity = (image + 0.5)[part]
-        opacity[depths[0][part] <= codes[0]] *= 0.5
-        opacity[depths[1][part] <= codes[0]] = 0.0
+        in_front = map_count_pyramid(self.codes > codes[0])[level] / map_cell_texels(self.size, level)
+        opacity = in_front[y0:y1, x0:x1]
         f00, f10, f01, f11 = coefficients[:, 0].tolist()
         value = float(block_visibility(coefficients, total, cells)[0])
         return Block(level, (x0, y0, x1, y1), opacity, (f00, f10, f01, f11), value)
@@ -197,4 +208,4 @@ def map_visibility(
         Of the occludees; None takes every occluder to be in front.
     """
     depths = None if codes is None else (drawn.farthest_pyramid, drawn.nearest_pyramid, codes)
-    return rect_visibility(drawn.counts, texels, depths=depths)
+    return rect_visibility(drawn.counts, texels, depths=depths, texels=None if codes is None else drawn.codes)

@@ -34,10 +34,7 @@ class Drawn:
     @cached_property
     def kept(self) -> Rows:
         """(n,) rows that reached OpenGL, by themselves or by a stand-in."""
-        kept = self.frame.visible.copy()
-        for standin in self.frame.standins:
-            kept[standin.rows] = True
-        return kept
+        return self.frame.kept()
 
 
 class Contestant:
@@ -61,7 +58,7 @@ class Contestant:
 
         self.spec = spec
         self._window = OffscreenWindow(*size, background, vtk_culler=spec.vtk_culler)
-        self.pipeline = Pipeline.parse(spec.stages, registry, name=spec.name)
+        self.pipeline = Pipeline.parse(spec.stages, registry, name=spec.name, adaptive=spec.adaptive)
         start = perf_counter()
         self.pipeline.open(snapshot, device=self._device(), progress=tell)
         opened = perf_counter()

@@ -7,7 +7,7 @@ the dark page, and text takes the page's font.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from io import StringIO
 from typing import Any
 
@@ -76,15 +76,43 @@ def series_color(run: RunResult, name: str) -> int:
 
 
 def _path_plot(run: RunResult, get: Callable[[FrameResult], float], opt: Sequence[float], unit: str) -> str:
-    """Lines along the path, each named at its right end, so that color is never the only key."""
-    figure, axes = _figure(7.6, 3.1)
-    figure.subplots_adjust(right=0.97 - _text_width([*run.pipelines, "OPT"]))
+    """Values of every frame, and of OPT."""
     series: list[Series] = [("OPT", opt, _NAMES["ink"], (0, (1, 2)))]
     for index, (name, p) in enumerate(run.pipelines.items()):
         color = _NAMES[f"series-{series_color(run, name)}"]
         series.append((name, [float(get(f)) for f in p.frames], color, _DASHES[index % len(_DASHES)]))
-    highest = max(max(values) for _, values, _, _ in series)
-    lowest = min(min(values) for _, values, _, _ in series)
+    paths = [f.path for f in run.baseline.frames]
+    return _lines(paths, series, unit, max(len(paths), run.finished_frames))
+
+
+def path_plot(paths: Sequence[str], series: Mapping[str, Sequence[float]], unit: str) -> str:
+    """Draw values along camera paths: SVG for the page.
+
+    Parameters
+    ----------
+    paths : sequence of str
+        Name of the path that each view belongs to; empty for a single one.
+    series : mapping of str to sequence of float
+        One value per view; NaN where there is none.
+    unit : str
+    """
+    count = max((len(values) for values in series.values()), default=0)
+    if not count:
+        return ""
+    lines: list[Series] = []
+    for index, (name, values) in enumerate(series.items()):
+        color = _NAMES[f"series-{0 if index == 0 else 1 + (index - 1) % (_SERIES - 1)}"]
+        lines.append((name, list(values), color, _DASHES[index % len(_DASHES)]))
+    with matplotlib.rc_context(_STYLE):
+        return _lines(list(paths) or [""] * count, lines, unit, count)
+
+
+def _lines(paths: Sequence[str], series: Sequence[Series], unit: str, count: int) -> str:
+    """Lines along the path, each named at its right end, so that color is never the only key."""
+    figure, axes = _figure(7.6, 3.1)
+    figure.subplots_adjust(right=0.97 - _text_width([name for name, *_ in series]))
+    highest = float(np.nanmax(np.concatenate([np.asarray(values, float) for _, values, _, _ in series])))
+    lowest = float(np.nanmin(np.concatenate([np.asarray(values, float) for _, values, _, _ in series])))
     logarithmic = lowest > 0 and highest > 15 * lowest
     for _, values, color, dash in series:
         marker = "o" if len(values) <= 24 else ""
@@ -97,7 +125,7 @@ def _path_plot(run: RunResult, get: Callable[[FrameResult], float], opt: Sequenc
         axes.set_ylim(0, highest * 1.06 or 1.0)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda v, _p: short(v)))
     axes.set_title(unit + (", logarithmic" if logarithmic else ""), loc="left", fontsize=9.5, color=_NAMES["soft"])
-    _frame_axis(run, axes)
+    _frame_axis(paths, axes, count)
     _name_at_end(axes, series)
     return _svg(figure, f"{unit} along the camera path")
 
@@ -161,7 +189,7 @@ def _false_hide_plot(run: RunResult) -> str:
         text = f"{total} in all, at most {worst} in a frame" if total else "no false hides"
         axes.text(1.012, row + 0.1, text, transform=axes.get_yaxis_transform(), fontsize=9, color=_NAMES["soft"])
     _rows(axes, list(run.pipelines))
-    _frame_axis(run, axes)
+    _frame_axis([f.path for f in run.baseline.frames], axes, run.finished_frames)
     figure.subplots_adjust(right=0.72)
     return _svg(figure, "Falsely hidden drawables in each frame")
 
@@ -177,17 +205,16 @@ def _figure(width: float, height: float, top: float = 0.3) -> tuple[Figure, Axes
     return figure, axes
 
 
-def _frame_axis(run: RunResult, axes: Axes) -> None:
-    frames = run.baseline.frames
-    axes.set_xlim(-0.5, max(len(frames), run.finished_frames) - 0.5)
+def _frame_axis(paths: Sequence[str], axes: Axes, count: int) -> None:
+    axes.set_xlim(-0.5, count - 0.5)
     axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _p: f"{v:.0f}"))
     axes.grid(False, axis="x")
-    starts = [i for i, f in enumerate(frames) if i == 0 or f.path != frames[i - 1].path]
+    starts = [i for i, path in enumerate(paths) if i == 0 or path != paths[i - 1]]
     for start in starts:
         if start:
             axes.axvline(start - 0.5, color=_NAMES["line"], lw=0.8)
-        name = frames[start].path
+        name = paths[start]
         axes.annotate(
             f"{name}, frame" if start == 0 else name,
             (start - 0.5, 0),

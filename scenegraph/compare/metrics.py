@@ -233,6 +233,14 @@ def decibels(values: Sequence[float]) -> Decibels:
     return Decibels(mean, int(np.count_nonzero(array == np.inf)), p5, float(array.min()))
 
 
+def window_sums(values: Sequence[float], size: int) -> Floats:
+    """Sums over all runs of `size` consecutive values; over all of them if there are fewer."""
+    array = np.asarray(values, float)
+    total = np.concatenate([[0.0], np.cumsum(array)])
+    size = min(max(size, 1), len(array))
+    return np.asarray(total[size:] - total[:-size]) if len(array) else np.zeros(0)
+
+
 def share(part: float, whole: float) -> float:
     """Part over whole; 0 of nothing is 0, and something of nothing is +inf."""
     if whole:

@@ -9,21 +9,31 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from scenegraph.compare.command import progress_bar, writable_folder
+from scenegraph.compare.counting import CountedRun, count_along
 from scenegraph.compare.results import RunResult
 from scenegraph.compare.suite import suite_of
 from scenegraph.errors import ScenegraphError, nearest
 from scenegraph.log import FrameLog
 from scenegraph.progress import Progress
 from scenegraph.registry import Registry, registry
+
+if TYPE_CHECKING:
+    from scenegraph.compare.playing import Played
+    from scenegraph.frame import Frame
+
+
+__all__ = ["Cell", "CountedRun", "Laboratory", "Picture", "Plot", "Replication", "likeness", "replicate"]
 
 
 @dataclass(frozen=True)
@@ -48,6 +58,44 @@ class Cell:
     measured: float
 
 
+@dataclass(frozen=True)
+class Plot:
+    """One of a paper's figures, measured here: values along camera paths.
+
+    Attributes
+    ----------
+    title : str
+    unit : str
+        Of all values.
+    series : mapping of str to sequence of float
+        One value per frame, by name of the pipeline; NaN where there is none.
+    caption : str
+    paths : sequence of str
+        Name of the path that each frame belongs to; empty if there is but one.
+    """
+
+    title: str
+    unit: str
+    series: Mapping[str, Sequence[float]]
+    caption: str = ""
+    paths: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One of a paper's pictures, drawn here.
+
+    Attributes
+    ----------
+    title, caption : str
+    image : (h, w, 3) uint8
+    """
+
+    title: str
+    caption: str
+    image: NDArray[np.uint8]
+
+
 @dataclass
 class Replication:
     """What a replication brings home.
@@ -57,17 +105,24 @@ class Replication:
     paper, title : str
         The name on the command line; the paper.
     cells : list of Cell
+    plots : list of Plot
+        Shown above the plots of the runs.
     remarks : list of str
         What must be known to read the numbers: what was changed, what has no counterpart, and why.
     runs : dict
         Summary of each suite that was run, by scene; see `scenegraph.compare.summary`.
+    plots : list of Plot
+    pictures : list of Picture
+        Written as files beside the report, and shown in it.
     """
 
     paper: str
     title: str
     cells: list[Cell] = field(default_factory=list)
+    plots: list[Plot] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     runs: dict[str, dict[str, Any]] = field(default_factory=dict)
+    pictures: list[Picture] = field(default_factory=list)
 
 
 class Laboratory:
@@ -75,12 +130,15 @@ class Laboratory:
 
     Attributes
     ----------
+    known : Registry
     quick : bool
         Few frames are wanted.
     model : Path or None
         A model file that the user has given.
     folder : Path
         Where files may be written.
+    results : dict of str to RunResult
+        Every frame of the suites that were run, by scene.
     """
 
     def __init__(self, known: Registry, folder: Path, tell: Progress, *, quick: bool, model: Path | None) -> None:
@@ -122,6 +180,74 @@ class Laboratory:
             raise KeyboardInterrupt
         return self.summaries[scene]
 
+    def play(
+        self, scene: str, suite: Mapping[str, Any], *, pictures: Sequence[float] = ()
+    ) -> tuple[dict[str, Played], dict[int, NDArray[np.uint8]]]:
+        """Play a suite's paths with all its pipelines, without truth; see `scenegraph.compare.playing.play`.
+
+        Its frames are written to `played.csv` in a folder named after the scene.
+        """
+        from scenegraph.compare.playing import play
+
+        checked = suite_of(dict(suite), self.known)
+        if self.quick:
+            checked = checked.quicker()
+        folder = writable_folder(self.folder / scene)
+        with FrameLog(stream=folder / "played.csv", extra=("draw_ms",)) as log:
+            return play(
+                checked,
+                self.known,
+                pictures=pictures,
+                log=log,
+                tell=lambda what, share: self._tell(f"{scene}: {what}", share),
+            )
+
+    def count(
+        self,
+        scene: str,
+        suite: Mapping[str, Any],
+        *,
+        look: Callable[[str, int, Frame], None] | None = None,
+    ) -> CountedRun:
+        """Run the pipelines of a suite and draw nothing: for scenes that are too large to be drawn.
+
+        Parameters
+        ----------
+        scene : str
+        suite : mapping
+            As for `run`.
+        look : callable, optional
+            Called with the pipeline's name, the number of the view and the frame.
+        """
+        checked = suite_of(dict(suite), self.known)
+        if self.quick:
+            checked = checked.quicker()
+        return count_along(
+            checked, self.known, tell=lambda what, share: self._tell(f"{scene}: {what}", share), look=look
+        )
+
+
+def likeness(image: NDArray[np.uint8], reference: NDArray[np.uint8]) -> dict[str, float]:
+    """How like two pictures are: "SNR" in dB, "SSIM", and "FLIP" where the extra `quality` is installed.
+
+    Parameters
+    ----------
+    image, reference : (h, w, 3) uint8
+    """
+    from scenegraph.compare import metrics
+
+    found = {"SNR": metrics.snr_db(image, reference)}
+    found["SSIM"] = 1.0 if np.array_equal(image, reference) else metrics.ssim(image, reference)
+    try:
+        from importlib import import_module
+
+        flip = import_module("flip_evaluator")
+    except ImportError:
+        return found
+    first, second = (p.astype(np.float32) / 255 for p in (reference, image))
+    found["FLIP"] = float(flip.evaluate(first, second, "LDR")[1])
+    return found
+
 
 def replicate(
     paper: str,
@@ -157,8 +283,10 @@ def replicate(
         sys.stdout.write(text)
     elif json_file is not None:
         Path(json_file).write_text(text, encoding="utf-8")
-    from scenegraph.compare.report import render_replication
+    from scenegraph.compare.report import render_replication, write_picture
 
+    for number, picture in enumerate(found.pictures, 1):
+        write_picture(picture.image, folder / f"picture-{number}.png")
     (folder / "replication.html").write_text(render_replication(found, laboratory.results), encoding="utf-8")
     console = Console(stderr=json_file == "-", width=None if sys.stdout.isatty() else 132, highlight=False)
     for table in tables_of(found):
@@ -169,10 +297,18 @@ def replicate(
 
 
 def as_json(found: Replication) -> dict[str, Any]:
-    """The content of `--json`: cells with a counterpart, our own rows apart, and the summaries of the runs."""
+    """The content of `--json`: cells with a counterpart, our own rows apart, plots, and the summaries of the runs."""
     cells = [asdict(c) for c in found.cells if c.paper is not None]
     added = [asdict(c) for c in found.cells if c.paper is None]
-    return {"paper": found.paper, "cells": cells, "added": added, "remarks": found.remarks, "runs": found.runs}
+    plots = [asdict(p) for p in found.plots]
+    return {
+        "paper": found.paper,
+        "cells": cells,
+        "added": added,
+        "plots": plots,
+        "remarks": found.remarks,
+        "runs": found.runs,
+    }
 
 
 @dataclass(frozen=True)

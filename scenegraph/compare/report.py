@@ -5,13 +5,14 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jinja2
 import numpy as np
 from PIL import Image as Picture
 
-from scenegraph.compare.figures import plots, series_color
+from scenegraph.compare.figures import path_plot, plots, series_color
 from scenegraph.compare.metrics import Image, share
 from scenegraph.compare.overhead import frustum_overlay
 from scenegraph.compare.results import Pictures, RunResult, Shot
@@ -73,10 +74,17 @@ def render_replication(found: Replication, runs: Mapping[str, RunResult]) -> str
             found=found,
             tables=tables_of(found),
             number=number,
+            figures=[(p, path_plot(p.paths, p.series, p.unit)) for p in found.plots],
             runs=runs,
             plots={scene: plots(run) for scene, run in runs.items()},
+            pictures=[(picture.title, picture.caption, _png(picture.image)) for picture in found.pictures],
         )
     )
+
+
+def write_picture(image: Image, path: Path) -> None:
+    """Write (h, w, 3) bytes as a PNG file."""
+    Picture.fromarray(image).save(path)
 
 
 def _environment() -> jinja2.Environment:

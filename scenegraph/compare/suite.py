@@ -38,6 +38,8 @@ class PipelineSpec(_Table):
     draw: Literal["auto", "batches", "actors"] = "auto"
     vtk_culler: bool = False
     """Leave VTK's own culler in the renderer, as a window of pyvista has it. Needs `draw = "actors"`."""
+    adaptive: bool = False
+    """Skip stages for a while whose time exceeds what they save. What is skipped depends on the clock."""
     summary: str = ""
 
     @model_validator(mode="after")
@@ -90,7 +92,7 @@ class Suite(_Table):
     summary: str = ""
     scene: SceneSpec
     paths: list[str] = Field(default_factory=list)
-    """Camera paths of the scene, or `.json` files with lists of views; empty takes all the scene has."""
+    """Camera paths of the scene, "anywhere", or `.json` files with lists of views; empty takes all the scene has."""
     frames: Count = 48
     """Per path; a longer path is thinned evenly."""
     width: Pixels = 1280

@@ -29,6 +29,9 @@ BELOW = 4
 #: Blocks that are transformed together: their rows stay in the second-level cache.
 BLOCKS_AT_ONCE = 512
 
+#: Texels that are counted one by one in cells that are in front of their occludee in part.
+TEXELS = 1 << 22
+
 
 def block_basis(length: int, /) -> NDArray[np.float64]:
     """(2, BLOCK) rows α(u)·cos(π u (2 i + 1) / 2N) for u = 0, 1 and N = `length`; 0 beyond the block."""
@@ -81,6 +84,8 @@ def block_coefficients(
     /,
     *,
     depths: tuple[NDArray[np.uint16], NDArray[np.uint16], NDArray[np.uint16]] | None = None,
+    texels: tuple[NDArray[np.uint16], int] | None = None,
+    most_texels: int = TEXELS,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """F(0,0), F(1,0), F(0,1), F(1,1) of blocks of an image: u counts along x, v along y.
 
@@ -93,6 +98,11 @@ def block_coefficients(
         Least and greatest nearness code of what covers each cell, and the code of each block's occludee. The image
         holds opacities less ½: what is not in front of the occludee is then taken as -½, and a cell that is in front of
         it in part counts by half.
+    texels : (h', w') uint16 and int, optional
+        With `depths`: the nearness codes of all texels, of which 2**level by 2**level make a cell, and that level.
+        Cells that are in front in part are then counted texel by texel.
+    most_texels : int
+        When so many have been looked at, the rest counts by half again.
 
     Returns
     -------
@@ -110,6 +120,7 @@ def block_coefficients(
     corner = y0 * stride + x0
     if depths is not None:
         least, most, codes = _runs(depths[0]), _runs(depths[1]), depths[2][order]
+    looked_at = 0
     out = np.empty((5, len(order)))
     for a in range(0, len(order), BLOCKS_AT_ONCE):
         part = slice(a, a + BLOCKS_AT_ONCE)
@@ -124,9 +135,35 @@ def block_coefficients(
             # ½·(opacity) - ½ where some of it is in front, -½ where nothing is
             np.multiply(rows, 0.5, out=rows, where=behind)
             np.subtract(rows, 0.25, out=rows, where=behind)
-            rows[most[place] <= code] = -0.5
+            front = most[place] > code
+            rows[~front] = -0.5
+            if texels is not None and looked_at < most_texels:
+                partly = behind & front & (np.arange(BLOCK) < np.repeat(across[part], count)[:, None])
+                row, column = np.nonzero(partly)
+                y, x = np.divmod(place[row], stride)
+                rows[row, column] = _share_above(*texels, x + column, y, code[row, 0]) - 0.5
+                looked_at += len(row) << (2 * texels[1])
         out[:, order[part]] = _low_terms(rows, begin, line, across[part], count)
     return out[:4], out[4]
+
+
+def _share_above(
+    values: NDArray[np.uint16], level: int, x: NDArray[np.int64], y: NDArray[np.int64], codes: NDArray[np.uint16]
+) -> NDArray[np.float64]:
+    """(k,) part of the texels of cells (x, y) of a level that have values above a code each."""
+    side = 1 << level
+    height, width = values.shape
+    out = np.empty(len(x))
+    step = np.arange(side)
+    at_once = max((1 << 20) >> (2 * level), 1)
+    for a in range(0, len(x), at_once):
+        some = slice(a, a + at_once)
+        across, down = (x[some, None] << level) + step, (y[some, None] << level) + step
+        within = (down < height)[:, :, None] & (across < width)[:, None, :]
+        flat = np.minimum(down, height - 1)[:, :, None] * width + np.minimum(across, width - 1)[:, None, :]
+        above = (values.reshape(-1).take(flat) > codes[some, None, None]) & within
+        out[some] = np.count_nonzero(above, axis=(1, 2)) / np.count_nonzero(within, axis=(1, 2))
+    return out
 
 
 def _runs(image: NDArray[np.generic]) -> NDArray[np.generic]:
@@ -190,6 +227,7 @@ def rect_visibility(
     /,
     *,
     depths: tuple[Sequence[NDArray[np.uint16]], Sequence[NDArray[np.uint16]], NDArray[np.uint16]] | None = None,
+    texels: NDArray[np.uint16] | None = None,
 ) -> NDArray[np.float64]:
     """Level of visibility of rectangles over a pyramid of covered texels (eq. 3.2 and 3.3, normalized and clamped).
 
@@ -202,6 +240,8 @@ def rect_visibility(
     depths : pyramid, pyramid, (k,) uint16, optional
         Least and greatest nearness code of what covers each cell, level by level, and the codes of the occludees: only
         what is in front of an occludee counts. Kristmann 2022 takes it that everything is.
+    texels : (h, w) uint16, optional
+        Codes of all texels: see `block_coefficients`.
 
     Returns
     -------
@@ -214,6 +254,7 @@ def rect_visibility(
         chosen = np.flatnonzero(level == k)
         image = counts[k] / map_cell_texels(size, k) - 0.5
         here = None if depths is None else (depths[0][k], depths[1][k], depths[2][chosen])
-        coefficients, total = block_coefficients(image, cells[:, chosen], depths=here)
+        finest = None if texels is None else (texels, k)
+        coefficients, total = block_coefficients(image, cells[:, chosen], depths=here, texels=finest)
         out[chosen] = block_visibility(coefficients, total, cells[:, chosen])
     return out

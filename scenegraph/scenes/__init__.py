@@ -18,9 +18,16 @@ _hookimpl = pluggy.HookimplMarker("scenegraph")
 @_hookimpl
 def scenegraph_register_scenes(register: Callable[[str, Callable[..., Any], str], None]) -> None:
     """Register the built-in scenes."""
-    from . import city, olympia, scatter
+    from . import bunnies, city, foliage, inspection, olympia, scatter
 
-    for module in (city, olympia, scatter):
-        name = module.__name__.rpartition(".")[2]
-        summary = (module.build.__doc__ or "").partition("\n")[0]
-        register(name, module.build, summary)
+    scenes: dict[str, Callable[..., Any]] = {
+        "city": city.build,
+        "olympia": olympia.build,
+        "scatter": scatter.build,
+        "bunnies-5001": bunnies.dense,
+        "bunnies-10001": bunnies.sparse,
+        "foliage": foliage.build,
+        "inspection": inspection.build,
+    }
+    for name, build in scenes.items():
+        register(name, build, (build.__doc__ or "").partition("\n")[0])

@@ -7,6 +7,7 @@ Kristmann (2022) scatters up to 10 000 bunnies in this way, looks at them from o
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from .shapes import Floats, Shape, bumps, icosphere, occluder_copy, vertex_norma
 CELL = 4
 #: Radius around the flight path, in largest half sizes of a copy, in which there are no copies.
 CORRIDOR = 1.5
+BACKGROUND = (0.90, 0.91, 0.93)
 
 PALETTE = (
     (0.80, 0.42, 0.33),
@@ -85,18 +87,25 @@ def build(*, count: int = 1000, model: str = "", mesh: str = "pebble", spacing: 
     matrices[:, :3, 3], matrices[:, 3, 3] = place, 1.0
     paint = rng.integers(0, len(PALETTE), count)
 
-    cells: dict[tuple[int, ...], list[Node]] = defaultdict(list)
-    keys = np.floor((place + edge / 2) / (CELL * spacing)).astype(int)
-    for key, matrix, color in zip(keys.tolist(), matrices, paint.tolist(), strict=True):
-        own = pattern.color is not None or pattern.vertex_colors is not None
-        geode = Geode(pattern, color=None if own else PALETTE[color])
+    own = pattern.color is not None or pattern.vertex_colors is not None
+    copies: list[Node] = []
+    for matrix, color in zip(matrices, paint.tolist(), strict=True):
         hides = [] if core is None else [occluder_copy(core)]
-        cells[tuple(key)].append(Transform(geode, *hides, matrix=matrix))
-    scene = Scene(name="scatter", background=(0.90, 0.91, 0.93))
-    scene.add(*(Group(*nodes, name="cell {}-{}-{}".format(*key)) for key, nodes in sorted(cells.items())))
+        copies.append(Transform(Geode(pattern, color=None if own else PALETTE[color]), *hides, matrix=matrix))
+    scene = Scene(name="scatter", background=BACKGROUND)
+    scene.add(*in_cells(copies, place + edge / 2, CELL * spacing))
     bounds = np.array([[-edge / 2] * 3, [edge / 2] * 3])
     scene.paths = {"orbit": orbit(bounds, count=40, elevation=15.0, margin=0.85), "enter": enter(bounds)}
     return scene
+
+
+def in_cells(nodes: Sequence[Node], place: Floats, width: float) -> list[Group]:
+    """Nodes at places (k, 3), relative to a corner, in one group per cubic cell of a grid, ordered by cell."""
+    cells: dict[tuple[int, ...], list[Node]] = defaultdict(list)
+    keys = np.floor(place / width).astype(int)
+    for key, node in zip(keys.tolist(), nodes, strict=True):
+        cells[tuple(key)].append(node)
+    return [Group(*below, name="cell {}-{}-{}".format(*key)) for key, below in sorted(cells.items())]
 
 
 def _in_corridor(place: Floats, size: Floats) -> np.ndarray:

@@ -77,6 +77,15 @@ def toggle_gizmos(viewer: ViewerWindow, _keysym: str) -> None:
         viewer.say(f"gizmos: {', '.join(shown)}" if shown else "no stage here brings gizmos")
 
 
+def pick(viewer: ViewerWindow, _keysym: str) -> None:
+    """What the pointer is on, and name it."""
+    interactor = None if viewer.plotter.iren is None else viewer.plotter.iren.interactor
+    width, height = viewer.window.GetSize()
+    x, y = (width / 2, height / 2) if interactor is None else interactor.GetEventPosition()
+    name = viewer.session.pick(x + 0.5, y + 0.5)
+    viewer.say("nothing is picked" if name is None else f"picked {name}")
+
+
 def toggle_walk(viewer: ViewerWindow, _keysym: str) -> None:
     """And say which it is now."""
     viewer.walking = not viewer.walking
@@ -148,6 +157,7 @@ ACTIONS: dict[str, Action] = {
     "toggle_boxes": _flip("show_boxes", of_session=True),
     "toggle_gizmos": toggle_gizmos,
     "toggle_truth": toggle_truth,
+    "pick": pick,
     "toggle_walk": toggle_walk,
     "forward": _move(forward=1.0),
     "backward": _move(forward=-1.0),

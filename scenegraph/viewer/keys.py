@@ -42,6 +42,7 @@ KEYS: tuple[Key, ...] = (
     Key(("x",), "toggle_hidden", "hidden objects as red wire frame"),
     Key(("b",), "toggle_boxes", "bounding hierarchy"),
     Key(("g",), "toggle_gizmos", "gizmos of the stages: frusta, silhouettes, ..."),
+    Key(("i",), "pick", "pick the object under the pointer; or none"),
     Key(("t",), "toggle_truth", "compare with the exact visible set"),
     Key(("m",), "toggle_walk", "walk, or turn the scene like a trackball"),
     Key(("w", "Up"), "forward", "forward", "w Up"),

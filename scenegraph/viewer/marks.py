@@ -52,14 +52,18 @@ class Marks:
         self._gizmos.clear()
         self.insets, self.legend = [], []
 
-    def explain(self, frame: Frame, coloring: Overlay | None, gizmos: Sequence[Overlay]) -> bool:
-        """Draw what overlays have to show of a frame, and say whether its own colors are replaced.
+    def explain(
+        self, frame: Frame, coloring: Overlay | None, gizmos: Sequence[Overlay], picked: int | None = None
+    ) -> bool:
+        """Draw what overlays have to show of a frame and of a picked row; whether its own colors are replaced.
 
         Raises
         ------
         Exception
             Whatever the overlays raise; then nothing of them is drawn.
         """
+        for overlay in (*gizmos, *(() if coloring is None else (coloring,))):
+            overlay.picked = picked
         colors = None if coloring is None else coloring.colors(frame)
         legend = [] if coloring is None else coloring.legend(frame)
         lines = [line for overlay in gizmos for line in overlay.lines(frame)]
@@ -75,7 +79,7 @@ class Marks:
     def show_hidden(self, frame: Frame, *, shine_through: bool) -> None:
         """Draw what is hidden as red wires, in front of everything or where it is."""
         target = self._front if shine_through and self._front is not None else self._renderer
-        self._wires[id(target)].show(np.tile(RED, (self._n, 1)), ~frame.visible, self._finest)
+        self._wires[id(target)].show(np.tile(RED, (self._n, 1)), ~frame.kept(), self._finest)
 
     def flash(self, rows: NDArray[np.int64]) -> None:
         """Draw rows as pink wires in front of everything."""

@@ -23,6 +23,7 @@ from ..view import View
 from .colorings import Boxes, ByLevel, ByStage
 from .hud import STRIP, Numbers
 from .marks import Marks
+from .picking import row_at
 from .pictures import picture_of
 from .truth import Truth, Verdict, judge
 from .walking import Walker
@@ -53,6 +54,8 @@ class Session:
     gizmos : list of Overlay
         Shown by their own keys, whether all are shown or not.
     marks : Marks
+    picked : int or None
+        Key of the drawable that the user has picked; overlays get its row.
     verdict : Verdict or None
         The last answer of truth mode.
     """
@@ -80,6 +83,7 @@ class Session:
         self.gizmos: list[Overlay] = []
         self.show_hidden = self.show_boxes = self.show_gizmos = False
         self.truth = False
+        self.picked: int | None = None
         self.verdict: Verdict | None = None
         self.quiet = False
         self.marks = Marks(snapshot, renderer, front)
@@ -197,6 +201,19 @@ class Session:
         else:
             self.gizmos.append(overlay)
 
+    def pick(self, x: float, y: float) -> str | None:
+        """Pick what is drawn at a point of the picture, in pixels from the lower left corner; its path, or None."""
+        frame = self.driver.frame
+        row = None if frame is None or self.frozen else row_at(frame, x, y)
+        self.picked = None if row is None else int(self.snapshot.keys[row])
+        return None if row is None else self.snapshot.names([row])[0]
+
+    def _picked_row(self) -> int | None:
+        if self.picked is None:
+            return None
+        found = np.flatnonzero(self.snapshot.keys == self.picked)
+        return int(found[0]) if len(found) else None
+
     # -- one frame -------------------------------------------------------------------------------------------------
 
     def _decided(self) -> None:
@@ -207,7 +224,7 @@ class Session:
             return
         gizmos = [o for o in self.offered() if self.show_gizmos or o in self.gizmos] + [self._boxes] * self.show_boxes
         try:
-            if self.marks.explain(frame, self.coloring, gizmos):
+            if self.marks.explain(frame, self.coloring, gizmos, self._picked_row()):
                 self.drawing.show(np.zeros(self.snapshot.n, bool))
         except Exception as error:
             # a stranger's overlay; the viewer lives on without it

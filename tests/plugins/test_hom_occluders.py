@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import scenegraph as sg
+from scenegraph.meshes import tessellate
+from scenegraph.scenes.shapes import icosphere
 from scenegraph.testing import box_at, grid_scene, wall_scene, wall_views
 from scenegraph_hom import Hom, OcclusionMap, selection
 
@@ -174,3 +176,67 @@ def test_looking_at_the_best_only_gives_the_same_as_looking_at_all() -> None:
         options = {"active": active, "triangles": 10**6}
         few = selection._best(key, seen, costs, among=2 * active, **options)
         assert np.array_equal(few, selection._best(key, seen, costs, among=n, **options))
+
+
+# Inner shells
+
+
+def round_lods(count: int = 1) -> tuple[sg.Scene, sg.Mesh]:
+    """Balls of three levels in a row along y, and a small box behind the first."""
+    points, faces = icosphere(1)
+    coarse = sg.Mesh(points, faces, normals=points)
+    levels = [tessellate(coarse, n) for n in (6, 3, 1)]
+    scene = sg.Scene()
+    for k in range(count):
+        scene.add(sg.Transform(sg.Lod(*levels, name=f"ball {k}"), translation=(6.0 * k, 0, 0)))
+    scene.add(box_at((0, 4, 0), 0.3, name="behind"))
+    return scene, coarse
+
+
+def test_shells_of_coarse_levels_are_drawn_instead_of_fine_ones() -> None:
+    scene, coarse = round_lods()
+    view = sg.View((0, -6, 0), (0, 0, 0))
+    frame = run(scene, view)
+    assert frame.record.stages[0].counts["occluder_triangles"] <= coarse.triangles + 12
+    assert hidden(frame) == {"behind"}
+    whole = run(scene, view, inner=False)
+    assert whole.record.stages[0].counts["occluder_triangles"] >= 54 * coarse.triangles
+    assert hidden(whole) == {"behind"}
+    # what is inside closes no more than the ball does, and most of it
+    ours, theirs = frame.get(OcclusionMap).covered, whole.get(OcclusionMap).covered
+    assert not (ours & ~theirs).any()
+    assert ours.sum() > 0.75 * theirs.sum()
+
+
+def test_with_shells_a_budget_holds_what_whole_meshes_would_burst() -> None:
+    scene, coarse = round_lods(5)
+    view = sg.View((0, -6, 0), (0, 0, 0))
+    assert hidden(run(scene, view, triangles=5 * coarse.triangles + 12)) == {"behind"}
+    assert hidden(run(scene, view, triangles=5 * coarse.triangles + 12, inner=False)) == set()
+
+
+@pytest.mark.parametrize("eye", [(0, 0, 0), (0, -0.999, 0), (0, -1.0001, 0)])
+def test_from_inside_a_shell_hides_nothing(eye: tuple[float, float, float]) -> None:
+    scene, _ = round_lods()
+    scene.add(box_at((0, 0.93, 0), 0.01, name="within"))
+    frame = run(scene, sg.View(eye, (0, 4, 0), near=0.01))
+    assert hidden(frame) == set()
+
+
+def test_in_parallel_views_shells_are_seen_from_outside() -> None:
+    scene, _ = round_lods()
+    assert hidden(run(scene, sg.View((0, -6, 0), (0, 0, 0), parallel_scale=3.0))) == {"behind"}
+    assert hidden(run(scene, sg.View((0, 0, 0), (0, 1, 0), parallel_scale=3.0, near=0.01))) == set()
+
+
+def test_an_earlier_stage_may_not_have_coarsened_the_owner_of_a_shell() -> None:
+    class Coarse(sg.Stage):
+        name = "coarse"
+        writes = ("level",)
+
+        def run(self, frame: sg.Frame) -> None:
+            frame.coarsen(np.arange(frame.snapshot.n), 1)
+
+    scene, _ = round_lods()
+    with sg.Pipeline([Coarse(), Hom(least=1)]).open(scene.snapshot()) as pipeline:
+        assert pipeline.run(sg.View((0, -6, 0), (0, 0, 0))).visible.all()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import time
 import types
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -305,6 +307,51 @@ def test_nothing_is_skipped_before_drawing_was_measured() -> None:
     for index in range(10):
         worth.ran(sg.StageRecord("stage", ms=5.0))
         assert worth.skip("stage", index) is None
+
+
+@dataclass
+class Hint:
+    """What `Hints` puts and `Listens` reads."""
+
+
+class Hints(sg.Stage):
+    """Saves nothing by itself, and is slow."""
+
+    name = "hints"
+    writes = (Hint,)
+
+    def run(self, frame: sg.Frame) -> None:
+        time.sleep(0.002)
+        frame.put(Hint())
+
+
+class Listens(sg.Stage):
+    """Hides most, if there is a hint."""
+
+    name = "listens"
+    reads = (Hint,)
+    hides: bool = sg.parameter(True)
+
+    def run(self, frame: sg.Frame) -> None:
+        frame.get(Hint)
+        if self.hides:
+            frame.hide(np.arange(frame.snapshot.n - 1))
+
+
+def adaptive(hides: bool) -> list[sg.FrameRecord]:
+    with sg.Pipeline([Hints(), Listens(hides=hides)], adaptive=True).open(grid_scene(5).snapshot()) as pipeline:
+        pipeline.worth.drawn(objects=25, triangles=300, ms=1000.0)
+        return [pipeline.run(VIEW).record for _ in range(12)]
+
+
+def test_a_stage_gets_credit_for_those_that_read_what_it_puts() -> None:
+    assert all(r.skipped is None for record in adaptive(hides=True) for r in record.stages)
+
+
+def test_without_its_product_a_reader_is_skipped_and_says_so() -> None:
+    last = adaptive(hides=False)[-1].stages
+    assert "saves 0.00 ms" in str(last[0].skipped)
+    assert last[1].skipped == "no stage has put Hint into this frame"
 
 
 # -- logs -----------------------------------------------------------------------------------------------------------

@@ -170,3 +170,30 @@ def test_a_cell_partly_in_front_counts_by_half():
     whole = np.array([[0], [0], [32], [32]])
     found = rect_visibility(counts, whole, depths=(least, most, np.array([200], np.uint16)))
     assert found[0] == pytest.approx(visibility(np.full((16, 16), 0.5)), abs=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (61, 83), (7, 200)])
+def test_cells_partly_in_front_are_counted_texel_by_texel_if_there_are_texels(shape, rng):
+    codes = rng.choice(np.array([0, 100, 200, 300], np.uint16), shape)
+    counts, least, most = map_count_pyramid(codes > 0), map_minimum_pyramid(codes), map_maximum_pyramid(codes)
+    least = map_minimum_pyramid(np.where(codes > 0, codes, np.uint16(65535)))
+    corner = rng.integers(0, [[shape[1] - 3], [shape[0] - 3]], (2, 60))
+    rects = np.concatenate([corner, np.minimum(corner + rng.integers(1, 64, (2, 60)), [[shape[1]], [shape[0]]])])
+    own = rng.choice(np.array([50, 150, 250, 350], np.uint16), 60)
+    found = rect_visibility(counts, rects, depths=(least, most, own), texels=codes)
+    for i in range(60):
+        in_front = map_count_pyramid(codes > own[i])
+        assert found[i] == pytest.approx(rect_visibility(in_front, rects[:, [i]])[0], abs=1e-12)
+
+
+def test_with_no_texels_to_look_at_it_is_half_again(rng):
+    codes = rng.choice(np.array([100, 300], np.uint16), (64, 64))
+    counts, least, most = map_count_pyramid(codes > 0), map_minimum_pyramid(codes), map_maximum_pyramid(codes)
+    cells = np.array([[0], [0], [16], [16]])
+    image = counts[2] / 16 - 0.5
+    depths = least[2], most[2], np.array([200], np.uint16)
+    by_half = block_coefficients(image, cells, depths=depths)
+    assert np.array_equal(
+        by_half[0], block_coefficients(image, cells, depths=depths, texels=(codes, 2), most_texels=0)[0]
+    )
+    assert not np.array_equal(by_half[0], block_coefficients(image, cells, depths=depths, texels=(codes, 2))[0])
