@@ -71,7 +71,7 @@ class Query(Stage):
     )
     supersample: int = parameter(1, minimum=1, maximum=8, unit="samples", help="of the query buffer per pixel and axis")
     margin: float = parameter(
-        0.5,
+        1.0,
         minimum=0.0,
         maximum=100.0,
         unit="samples",
