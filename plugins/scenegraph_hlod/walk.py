@@ -167,15 +167,16 @@ class Walk:
             self._asked.append((asked, self.questions.issue(asked)))
 
     def _predicted(self, nodes: Ints) -> Floats:
-        """(k,) μ̂ (section 5.2)."""
+        """(k,) μ̂ (section 5.2); 1 for boxes that will not be asked, whose μ is 1 whatever stands before them."""
         if not self.rules.by_visibility:
             return np.ones(len(nodes))
         if self.rules.temporal:
             share = self.share[nodes]
-            return np.where(np.isnan(share), 1.0, share)
-        if not self.last_scheduled:
-            return np.ones(len(nodes))
-        return np.clip(1.0 - self.place[nodes] / self.last_scheduled, 0.0, 1.0)
+        elif self.last_scheduled:
+            share = np.clip(1.0 - self.place[nodes] / self.last_scheduled, 0.0, 1.0)
+        else:
+            share = np.ones(len(nodes))
+        return np.where(np.isnan(share) | ~self.measures.counts[nodes], 1.0, share)
 
     def _stops(self, nodes: Ints, share: Floats) -> Bools:
         """(k,) where refinement stops: ε · μ ≤ τ, or there is nothing finer."""

@@ -9,10 +9,9 @@ What is promised, and tested:
 * *No cracks.* The border at which nodes meet is never simplified: two neighbors fit whatever their levels. Edges of a
   border that the simplification did lose are counted (`HlodReport.broken_edges`). The price is that a node whose border
   is long has more triangles than asked for.
-* *Errors are bounds.* No point of the original surface is farther from a node's mesh than the node's model error
-  (`scenegraph.meshes.deviation`): measured directly up to `MEASURED` triangles; above, the children's error plus the
-  distance from their meshes, which is a bound by the triangle inequality. Corners and middles of the node's triangles
-  are measured the other way, too. A parent's error is never below a child's.
+* *Errors are bounds.* No point of a node's mesh is farther from the original surface than the node's model error, nor
+  the other way round: the largest error of the children plus the measured distance from their meshes
+  (`scenegraph.meshes.simplification`), by the triangle inequality. A parent's error is never below a child's.
 * *Boxes are nested*, and each encloses its mesh and all meshes below.
 """
 
@@ -29,7 +28,7 @@ from ..kernels.boxes import box_from_bounds
 from ..mesh import Mesh, MeshTable
 from ..progress import Progress, silent
 from .cache import DiskCache
-from .hlod_nodes import MEASURED, NodeMesh, joined, leaf_mesh, simplified
+from .hlod_nodes import NodeMesh, joined, leaf_mesh, simplified
 from .octree import octree
 from .soup import Soup, rows_for_soup, soup_key, soup_of
 
@@ -42,8 +41,7 @@ I64 = NDArray[np.int64]
 #: Triangles of a node.
 TRIANGLES = 2000
 #: Counted up whenever a tree built from the same input would be another one.
-_VERSION = 1
-_ARRAYS = ("parent", "end", "first_leaf", "leaf_rows", "leaf_row_start", "errors", "covered")
+_VERSION = 2
 
 
 @dataclass
@@ -252,11 +250,7 @@ def _built(
             mesh, step = simplified(parts, most)
             report.border_edges += step.border_edges
             report.broken_edges += step.broken_edges
-            least = float(errors[below[node]].max())
-            exact = soup.vertices[soup.faces[own]] if len(own) <= MEASURED else None
-            errors[node] = max(least, mesh.distance_from(exact if exact is not None else parts.corners))
-            if exact is None:
-                errors[node] += least
+            errors[node] = float(errors[below[node]].max()) + step.error
         meshes[node] = mesh
         if len(mesh.faces):
             low[:, node], high[:, node] = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
