@@ -9,9 +9,10 @@ What is promised, and tested:
 * *No cracks.* The border at which nodes meet is never simplified: two neighbors fit whatever their levels. Edges of a
   border that the simplification did lose are counted (`HlodReport.broken_edges`). The price is that a node whose border
   is long has more triangles than asked for.
-* *Errors are bounds.* No point of a node's mesh is farther from the original surface than the node's model error, nor
-  the other way round: the largest error of the children plus the measured distance from their meshes
-  (`scenegraph.meshes.simplification`), by the triangle inequality. A parent's error is never below a child's.
+* *Errors are bounds.* No point of the original surface is farther from a node's mesh than the node's model error: the
+  largest error of the children plus the measured distance to their meshes, by the triangle inequality
+  (`scenegraph.meshes.deviation`). Corners and middles of the node's triangles are measured the other way, too. A
+  parent's error is never below a child's.
 * *Boxes are nested*, and each encloses its mesh and all meshes below.
 """
 
@@ -41,7 +42,7 @@ I64 = NDArray[np.int64]
 #: Triangles of a node.
 TRIANGLES = 2000
 #: Counted up whenever a tree built from the same input would be another one.
-_VERSION = 2
+_VERSION = 3
 
 
 @dataclass
