@@ -25,6 +25,7 @@ def scenegraph_register_preparations(register: Callable[[str, Callable[..., Any]
     register("levels", levels, "Levels of detail declared in the graph; for drawables without, made from their meshes.")
     register("occluders", occluders, "Occluders declared in the graph; where there are none, fitted into its meshes.")
     register("hlod", hlod, "A tree of simplified meshes over all drawables that can be merged.")
+    register("hlod_levels", hlod_levels, "The same, with three levels of detail within each node.")
 
 
 def occluders(snapshot: Snapshot, progress: Progress) -> SceneOccluders | None:
@@ -49,6 +50,13 @@ def hlod(snapshot: Snapshot, progress: Progress) -> Hlod:
     from .hlod import hlod_of
 
     return hlod_of(snapshot, progress=progress)
+
+
+def hlod_levels(snapshot: Snapshot, progress: Progress) -> Hlod:
+    """As `hlod`, for refinement within nodes."""
+    from .hlod import hlod_of
+
+    return hlod_of(snapshot, levels=3, progress=progress)
 
 
 def levels(snapshot: Snapshot, progress: Progress) -> SceneLevels:

@@ -260,3 +260,33 @@ def test_a_tree_is_stale_when_what_it_covers_has_moved_or_changed_color(tmp_path
     move.matrix = move.matrix @ np.diag([2.0, 1, 1, 1])
     snapshot.sync()
     assert tree.is_stale(snapshot)
+
+
+def test_levels_within_nodes_are_coarser_farther_off_and_share_the_border(tmp_path):
+    from scenegraph.meshes.hlod_nodes import _border
+
+    tree = hlod_of(crowd(2).snapshot(), triangles=400, levels=3, cache=DiskCache(tmp_path))
+    m = len(tree)
+    assert np.array_equal(tree.level_mesh[0], np.arange(m))
+    assert np.array_equal(tree.level_errors[0], tree.errors)
+    some = tree.level_mesh >= 0
+    assert sorted(tree.level_mesh[some].tolist()) == list(range(len(tree.table)))
+    assert some[1].sum() > m / 2
+    assert np.isinf(tree.level_errors[~some]).all()
+    for level in (1, 2):
+        nodes = np.flatnonzero(some[level])
+        now, before = tree.level_mesh[level, nodes], tree.level_mesh[level - 1, nodes]
+        assert (tree.table.triangles[now] <= 0.75 * tree.table.triangles[before]).all()
+        assert (tree.level_errors[level, nodes] >= tree.level_errors[level - 1, nodes]).all()
+    low, high = tree.boxes[:3] - tree.boxes[3:], tree.boxes[:3] + tree.boxes[3:]
+    for node in np.flatnonzero(some[1]).tolist():
+        fine, coarse = (tree.table.meshes[tree.level_mesh[k, node]] for k in (0, 1))
+        assert (coarse.bounds[0] >= low[:, node]).all()
+        assert (coarse.bounds[1] <= high[:, node]).all()
+        # flat faces have corners of their own; by place, the border is the same
+        assert _border(*welded(fine)) <= _border(*welded(coarse))
+
+
+def welded(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    points, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    return points, index.reshape(-1)[mesh.faces]
