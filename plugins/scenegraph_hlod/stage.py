@@ -38,6 +38,7 @@ class HlodRefinement(Stage):
 
     name = "hlod"
     writes = ("visible", "standins", HlodCut)
+    needs = ("hlod_tree", "gl")
 
     preset: Literal["none", "CHLOD-eps_q", "CHLOD-eps", "SW-eps_q", "SW-eps"] = parameter(
         "none", help="a configuration of the paper: sets metric, traversal and predictor"
@@ -72,7 +73,7 @@ class HlodRefinement(Stage):
         for key, value in set_to.items():
             setattr(self, key, value)
         # what is needed depends on the parameters, as the guarantee does
-        tree = "hlod_levels" if self.within else "hlod"
+        tree = "hlod_tree_levels" if self.within else "hlod_tree"
         self.needs = (tree,) if self.traversal == "none" else (tree, "gl")  # type: ignore[misc]
 
     @property
@@ -83,7 +84,7 @@ class HlodRefinement(Stage):
     def open(self, snapshot: Snapshot, progress: object) -> None:
         """Take over the tree."""
         # built by the pipeline, as declared
-        self._tree: Hlod = snapshot.prepared("hlod_levels" if self.within else "hlod", hlod_of)
+        self._tree: Hlod = snapshot.prepared("hlod_tree_levels" if self.within else "hlod_tree", hlod_of)
 
     def skip(self, frame: Frame) -> str | None:
         """Nothing to do without a tree that fits the scene."""

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
+CACHE_KIND = "hlod trees"
 #: Triangles of a node.
 TRIANGLES = 2000
 #: No level within a node has fewer.
@@ -223,16 +224,16 @@ def hlod_of(
     cache = DiskCache() if cache is None else cache
     covered = rows_for_soup(snapshot)
     key = cache.key(soup_key(snapshot, covered), _VERSION, {"triangles": triangles, "levels": levels})
-    stored = cache.load("hlod", key)
+    stored = cache.load(CACHE_KIND, key)
     made = None
     if stored is not None:
         try:
             made = _unpacked(snapshot, stored)
         except (KeyError, ValueError, IndexError):
-            cache.forget("hlod", key)
+            cache.forget(CACHE_KIND, key)
     if made is None:
         made, arrays = _built(snapshot, soup_of(snapshot, covered), covered, (triangles, levels), progress)
-        cache.store("hlod", key, arrays)
+        cache.store(CACHE_KIND, key, arrays)
     made.report.seconds = perf_counter() - start
     return made
 

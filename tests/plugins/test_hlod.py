@@ -53,7 +53,7 @@ def snapshot(tmp_path_factory: pytest.TempPathFactory) -> sg.Snapshot:
             sg.Group(*(figure(i, (0.0, 2.5 * i, 0.0), 3) for i in range(3)), figure(3, (4.0, 1.0, 0.0), 3))
         )
         found = scene.snapshot()
-        found.prepared("hlod", lambda s: hlod_of(s, triangles=100))
+        found.prepared("hlod_tree", lambda s: hlod_of(s, triangles=100))
         return found
 
 
@@ -85,8 +85,8 @@ def test_presets_are_the_papers_configurations() -> None:
         assert {k: getattr(stage, k) for k in values} == values
     with pytest.raises(sg.PipelineError, match="metric='eps' contradicts preset='SW-eps_q', which sets 'eps_q'"):
         HlodRefinement(preset="SW-eps_q", metric="eps")
-    assert HlodRefinement(traversal="none").needs == ("hlod",)
-    assert HlodRefinement().needs == ("hlod", "gl")
+    assert HlodRefinement(traversal="none").needs == ("hlod_tree",)
+    assert HlodRefinement().needs == ("hlod_tree", "gl")
 
 
 def test_without_queries_the_cut_is_fine_enough_everywhere_and_covers_what_is_in_view(snapshot: sg.Snapshot) -> None:
@@ -202,7 +202,7 @@ def test_each_view_has_a_memory_of_its_own(snapshot: sg.Snapshot, device: Device
 @pytest.mark.gl
 def test_within_nodes_the_coarsest_level_that_is_fine_enough_is_drawn(device: Device) -> None:
     snapshot = sg.Scene(sg.Group(figure(0, (0, 0, 0), 3), figure(1, (0, 2.5, 0), 3))).snapshot()
-    snapshot.prepared("hlod_levels", lambda s: hlod_of(s, triangles=400, levels=3))
+    snapshot.prepared("hlod_tree_levels", lambda s: hlod_of(s, triangles=400, levels=3))
     for text in ("hlod(within=True, traversal='none', tau=0.3)", "hlod(within=True, tau=0.3)"):
         frame = play(text, snapshot, device, circle(3))[-1]
         cut, (standin,) = frame.get(HlodCut), frame.standins
@@ -266,7 +266,7 @@ class Answers:
 
 
 def walked(snapshot: sg.Snapshot, answers: Answers, before: HlodCut | None, **changes: object) -> tuple[Walk, HlodCut]:
-    tree = snapshot.prepared("hlod", hlod_of)
+    tree = snapshot.prepared("hlod_tree", hlod_of)
     frame = sg.Frame(snapshot, circle(1)[0])
     settings = {
         "threshold": 0.3,
@@ -339,7 +339,7 @@ def test_the_first_frame_and_late_places_in_the_queue_have_a_defined_prediction(
 
 
 def test_visibility_is_clamped_and_known_where_nothing_can_be_asked(snapshot: sg.Snapshot) -> None:
-    tree = snapshot.prepared("hlod", hlod_of)
+    tree = snapshot.prepared("hlod_tree", hlod_of)
     inside = sg.Frame(snapshot, sg.View((0, 0, 0), (0, 5, 0), near=0.01, far=40, width=SIZE[0], height=SIZE[1]))
     for alpha in ("projected", "cube"):
         measures = Measures(tree, inside, alpha)

@@ -200,7 +200,7 @@ def test_second_time_it_is_read_from_disk_and_the_same(tmp_path):
 def test_damaged_entries_are_built_again(tmp_path):
     cache = DiskCache(tmp_path)
     hlod_of(crowd(1).snapshot(), triangles=300, cache=cache)
-    (entry,) = tmp_path.glob("hlod/*.npz")
+    (entry,) = tmp_path.glob("hlod trees/*.npz")
     arrays = dict(np.load(entry))
     for change in ({"vertex_start": arrays["vertex_start"][:-1]}, {"covered": arrays["covered"][:0]}, {"faces": None}):
         np.savez(entry, **{k: v for k, v in (arrays | change).items() if v is not None})
