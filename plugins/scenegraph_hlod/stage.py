@@ -38,7 +38,7 @@ class HlodRefinement(Stage):
 
     name = "hlod"
     writes = ("visible", "standins", HlodCut)
-    needs = ("hlod_tree", "gl")
+    needs: tuple[str, ...] = ("hlod_tree", "gl")  # type: ignore[misc]
 
     preset: Literal["none", "CHLOD-eps_q", "CHLOD-eps", "SW-eps_q", "SW-eps"] = parameter(
         "none", help="a configuration of the paper: sets metric, traversal and predictor"
@@ -74,7 +74,7 @@ class HlodRefinement(Stage):
             setattr(self, key, value)
         # what is needed depends on the parameters, as the guarantee does
         tree = "hlod_tree_levels" if self.within else "hlod_tree"
-        self.needs = (tree,) if self.traversal == "none" else (tree, "gl")  # type: ignore[misc]
+        self.needs = (tree,) if self.traversal == "none" else (tree, "gl")
 
     @property
     def guarantee(self) -> Guarantee:

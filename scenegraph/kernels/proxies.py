@@ -52,6 +52,7 @@ def box_clip_corners(
     projection: NDArray[np.float64],
     pixels: tuple[float, float],
     step: float,
+    margin: float = 0.0,
     reach: float,
     near: float,
     parallel: bool,
@@ -70,6 +71,8 @@ def box_clip_corners(
     pixels : width, height of one world unit at depth 1 (perspective) or anywhere (parallel)
     step : float
         Pixels by which the rasterizer may shift a corner.
+    margin : float
+        Pixels by which boxes are grown beyond what the rasterizer needs.
     reach : float
         World units: largest magnitude of the coordinates in which the contents are drawn, beyond the distance from the
         eye.
@@ -89,7 +92,7 @@ def box_clip_corners(
     forward = -axes[2]
     # sideways, an error of w moves a point by the slope of its ray
     lean = 1.0 if parallel else 1.0 + float((1.0 / np.abs(np.diag(projection)[:2])).max())
-    snapping = 2.0 * step / min(pixels)
+    snapping = (2.0 * step + margin) / min(pixels)
     at_eye = 16 * _EPS64 * float(np.abs(eye).sum())
     turned = projection[:, :3] @ axes
     product = np.zeros((7, 8, 4))

@@ -34,6 +34,10 @@ void main() {}
 """
 
 
+#: Frame buffers of different sizes that a device keeps.
+TARGETS = 8
+
+
 class DepthTarget:
     """A frame buffer with nothing but depth.
 
@@ -51,6 +55,11 @@ class DepthTarget:
         # a plain value instead of the outcome of a comparison
         self.texture.compare_func = ""
         self.framebuffer = context_of(window).framebuffer(depth_attachment=self.texture)
+
+    def clear(self, depth: float = 1.0) -> None:
+        """Forget what was drawn; 1 is the far plane. VTK's scissors would spare a part of a buffer not in use."""
+        self.framebuffer.use()
+        self.framebuffer.clear(depth=depth)
 
     def read(self) -> F32:
         """(h, w) depth in window coordinates, 0 near to 1 far; row 0 is the lowest, as in the rectangles of `View`."""
@@ -111,6 +120,13 @@ class Device:
         """430 for OpenGL 4.3, the first with shader storage buffers."""
         return int(self.gl.version_code)
 
+    @property
+    def largest_target(self) -> int:
+        """Longest side in pixels that a depth target may have."""
+        info = self.gl.info
+        sizes = (info["GL_MAX_TEXTURE_SIZE"], info["GL_MAX_RENDERBUFFER_SIZE"], *info["GL_MAX_VIEWPORT_DIMS"])
+        return int(min(sizes))
+
     def guard(self) -> AbstractContextManager[None]:
         """Around all own GL calls, so that VTK's picture stays right; may not be nested."""
         _ = self.gl
@@ -133,11 +149,18 @@ class Device:
         return max(rows, *(table.reach(view) for table in self._tables.values()), 0.0)
 
     def depth_target(self, width: int, height: int) -> DepthTarget:
-        """A frame buffer of this size, the same one at every call; inside `guard`."""
+        """A frame buffer of this size, the same one at every call; inside `guard`.
+
+        Only the last `TARGETS` sizes are kept: a window that is being resized asks for a new one in every frame.
+        """
         _ = self.gl
-        if (width, height) not in self._targets:
-            self._targets[width, height] = DepthTarget(self.window, width, height)
-        return self._targets[width, height]
+        target = self._targets.pop((width, height), None)
+        if target is None:
+            if len(self._targets) >= TARGETS:
+                self._targets.pop(next(iter(self._targets))).release()
+            target = DepthTarget(self.window, width, height)
+        self._targets[width, height] = target
+        return target
 
     def draw_depth(
         self,
@@ -209,7 +232,7 @@ class Device:
         gl.enable_only(gl.DEPTH_TEST)
         gl.depth_func = "<="
         if clear:
-            target.framebuffer.clear(depth=1.0)
+            target.clear()
         return self._depth_program
 
     def close(self) -> None:

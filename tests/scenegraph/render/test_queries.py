@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -48,16 +49,33 @@ def test_both_ways_agree_about_boxes_of_all_kinds(window: OffscreenWindow, rng: 
                 asked = device.queries.result(ticket)
                 assert device.queries.ready(ticket).all()
                 whether = device.queries.result(device.queries.issue(view, boxes, target, any_samples=True))
+                marked = device.queries.count(view, boxes, target, any_samples=True)
                 assert np.array_equal(target.read(), before)
                 assert device.gl.error == "GL_NO_ERROR"
             unknown = device.queries.unknown(view, boxes)
             assert np.array_equal(counted, asked)
             assert np.array_equal(counted > 0, whether > 0)
+            assert np.array_equal(marked, whether)
             assert whether[~unknown].max(initial=0) <= 1
             assert unknown[50:52].all()
             assert (counted[unknown] == view.width * view.height).all()
         assert device.queries.distrusted == 0
         assert not device.queries.fallback
+
+
+def test_one_query_for_several_boxes(window: OffscreenWindow, rng: np.random.Generator) -> None:
+    snapshot = grid_scene(4).snapshot()
+    with closing(Device(window)) as device, device.guard():
+        for view in random_views(rng, 4, 8.0):
+            boxes = odd_boxes(rng, 4.0)
+            target = device.depth_target(view.width, view.height)
+            device.draw_depth(target, view, snapshot)
+            each, unknown = device.queries.count(view, boxes, target), device.queries.unknown(view, boxes)
+            groups = np.array([0, 1, 3, 3, 40, 130, 200])
+            found = device.queries.result(device.queries.issue(view, boxes, target, groups=groups))
+            for i, (a, b) in enumerate(pairwise(groups)):
+                known = a < b and not unknown[a:b].any()
+                assert found[i] == (each[a:b].sum() if known else view.width * view.height)
 
 
 def visible_and_counted(window: OffscreenWindow, scene: Scene, views: list[View]) -> list[tuple[Any, ...]]:
@@ -114,9 +132,9 @@ def test_boxes_at_the_eye_are_not_asked(window: OffscreenWindow) -> None:
         assert device.queries.unknown(view, boxes).tolist() == [True, True, False, False]
         with device.guard():
             target = device.depth_target(64, 48)
-            target.framebuffer.clear(depth=1e-5)
+            target.clear(1e-5)
             assert device.queries.count(view, boxes, target).tolist() == [3072, 3072, 0, 0]
-            target.framebuffer.clear(depth=1.0)
+            target.clear()
             counts = device.queries.count(view, boxes, target)
             assert counts[3] == 0
             assert counts[2] > 100
@@ -191,7 +209,7 @@ def test_a_shader_that_counts_wrongly_is_found_out(
     with closing(Device(window)) as device, device.guard():
         target = device.depth_target(view.width, view.height)
         device.draw_depth(target, view, snapshot)
-        monkeypatch.setattr(device.queries, "read_counts", lambda corners, target: np.full(len(corners), 7, np.uint32))
+        monkeypatch.setattr(device.queries, "read_counts", lambda corners, *_: np.full(len(corners), 7, np.uint32))
         counted = device.queries.count(view, snapshot.boxes, target)
         assert (counted == 0).any()
         assert device.queries.fallback == "a shader counts 7 and 7 samples where 64 and 0 are right"
@@ -217,7 +235,7 @@ def test_broken_batches_lose_nothing(window: OffscreenWindow, monkeypatch: pytes
         target = device.depth_target(view.width, view.height)
         device.draw_depth(target, view, snapshot)
         right = device.queries.count(view, snapshot.boxes, target)
-        monkeypatch.setattr(device.queries, "read_counts", lambda corners, target: BROKEN[answer](len(corners)))
+        monkeypatch.setattr(device.queries, "read_counts", lambda corners, *_: BROKEN[answer](len(corners)))
         assert (device.queries.count(view, snapshot.boxes, target) == view.width * view.height).all()
         assert device.queries.distrusted >= snapshot.n
         monkeypatch.undo()
