@@ -214,7 +214,7 @@ class PutsVisibility(Stage):
 
 
 def _drawn(stage: Stage, scale: float) -> np.ndarray:
-    """At which level a stage leaves boxes around the eye and behind a wall that occludes; -1 if it hides them."""
+    """At which level a stage leaves boxes around the eye and behind an occluder; -1 if hidden, 99 if replaced."""
     rng = np.random.default_rng(7)
     levels = [Mesh.box(np.full(3, -half) * scale, np.full(3, half) * scale) for half in (0.5, 0.45)]
     low, high = np.array((6.0, 4.0, -4.0)) * scale, np.array((12.0, 10.0, 8.0)) * scale
@@ -232,7 +232,9 @@ def _drawn(stage: Stage, scale: float) -> np.ndarray:
         pipeline = stack.enter_context(Pipeline([*before, stage]))
         snapshot = scene.snapshot()
         frame = pipeline.open(snapshot, device=device).run(view)
-    return np.where(frame.visible, frame.level, np.int64(-1))[np.argsort(snapshot.keys)]
+    answers = np.where(frame.visible, frame.level, np.int64(-1))
+    answers[frame.kept() & ~frame.visible] = 99
+    return answers[np.argsort(snapshot.keys)]
 
 
 # Kernels
