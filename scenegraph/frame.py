@@ -41,13 +41,16 @@ class Frame:
     view : View
     index : int
         Number of the frame; seeds anything random.
+    view_name : str
+        Which of several views this is (the walls of a CAVE, say): what a stage remembers belongs to one of them.
     visible : (n,) bool
         Rows that no stage has hidden. Read-only for stages: use `hide`.
     level : (n,) uint8
         Level to be drawn; use `coarsen`.
     standins : list of StandIn
     previous : Frame or None
-        The frame before of the same view, without its own previous.
+        The frame before of the same view, without its own previous. How long it took to draw is in
+        `previous.record.draw_ms`, if whoever drew it has told.
     device : object or None
         GL services; present if a stage of the pipeline needs "gl".
     record : FrameRecord
@@ -59,12 +62,14 @@ class Frame:
         view: View,
         *,
         index: int = 0,
+        view_name: str = "",
         previous: Frame | None = None,
         device: Any = None,
     ) -> None:
         self.snapshot = snapshot
         self.view = view
         self.index = index
+        self.view_name = view_name
         self.previous = previous
         self.device = device
         self.visible: NDArray[np.bool_] = np.ones(snapshot.n, bool)

@@ -46,13 +46,17 @@ class StageRecord:
 
 @dataclass
 class FrameRecord:
-    """One frame of one pipeline: `cull_ms` is measured around all, `host_ms` is what the stages' times leave of it."""
+    """One frame of one pipeline: `cull_ms` is measured around all, `host_ms` is what the stages' times leave of it.
+
+    `draw_ms` is set by whoever draws the frame, and None until then: the next frame's stages may look at it.
+    """
 
     index: int = 0
     cull_ms: float = 0.0
     host_ms: float = 0.0
     visible: int = 0
     triangles: int = 0
+    draw_ms: float | None = None
     stages: list[StageRecord] = field(default_factory=list)
 
 
@@ -141,7 +145,7 @@ class FrameLog:
                 events.append({"ph": "M", "pid": 1, "tid": len(clock), "name": "thread_name", "args": name})
             tid = list(clock).index(pipeline) + 1
             start = clock[pipeline]
-            draw = float(extra.get("draw_ms") or 0.0)
+            draw = float(extra.get("draw_ms") or record.draw_ms or 0.0)
             events.append(_event(tid, f"frame {record.index}", start, record.cull_ms + draw, {**extra}))
             events.append(_event(tid, "cull", start, record.cull_ms, {"visible": record.visible}))
             events.extend(

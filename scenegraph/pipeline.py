@@ -238,10 +238,14 @@ class Pipeline:
         previous = self._previous.get(view_name)
         if previous is not None:
             previous.previous = None
+            done = previous.record
+            if self.adaptive and done.draw_ms is not None:
+                self.worth.drawn(objects=done.visible, triangles=done.triangles, ms=done.draw_ms)
         frame = Frame(
             self._snapshot,
             view,
             index=self._index if index is None else index,
+            view_name=view_name,
             previous=previous,
             device=self._device,
         )

@@ -213,16 +213,21 @@ class Snapshot:
         counts = np.array([m.triangles for m in self.meshes] + [0], np.int32)
         self.triangles = np.ascontiguousarray(counts[self.level_meshes].T)
         self.level_count = (self.level_meshes >= 0).sum(axis=1).astype(np.uint8)
-        errors = self._shape_errors[self._shape_index].T
+        self.errors = np.full((self._shape_errors.shape[1], self.n), np.nan, np.float32)
+        self._scale_errors(np.arange(self.n))
+
+    def _scale_errors(self, rows: NDArray[np.int64]) -> None:
+        """Model errors in world units: times the largest singular value, by which a matrix can stretch them at most."""
+        errors = self._shape_errors[self._shape_index[rows]].T
         if len(errors) > 1:
-            # the largest singular value: how much a matrix can stretch a model error
-            linear = self.transforms[:, :3, :3]
+            used, which = np.unique(self.transform_index[rows], return_inverse=True)
+            linear = self.transforms[used, :3, :3]
             gram = np.einsum("tij,tik->tjk", linear, linear)
             stretch = np.full(len(gram), np.nan)
             finite = np.isfinite(gram).all(axis=(1, 2))
             stretch[finite] = np.sqrt(np.maximum(np.linalg.eigvalsh(gram[finite])[:, -1], 0.0))
-            errors = errors * stretch[self.transform_index]
-        self.errors = errors.astype(np.float32)
+            errors = errors * stretch[which]
+        self.errors[:, rows] = errors
 
     def _paint(self) -> None:
         self.colors = np.array([self._color(node) for node in self.geodes], np.float32).reshape(-1, 4)
@@ -439,6 +444,8 @@ class Snapshot:
         boxes[:, ~np.isfinite(boxes).all(axis=0)] = np.nan
         self.boxes[:, rows] = boxes
         self._repack(rows)
+        if len(self.errors) > 1:
+            self._scale_errors(rows)
         self.occluders.place(self.transforms)
         self.version += 1
         return {"transforms", "boxes"}

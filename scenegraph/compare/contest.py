@@ -99,9 +99,10 @@ class Contestant:
         applied = perf_counter()
         self._window.draw(view)
         end = perf_counter()
+        record = frame.record
+        draw_ms = record.draw_ms = 1e3 * (end - start)
         if self.spec.adaptive:
-            record = frame.record
-            self.pipeline.worth.drawn(objects=record.visible, triangles=record.triangles, ms=1e3 * (end - start))
+            self.pipeline.worth.drawn(objects=record.visible, triangles=record.triangles, ms=draw_ms)
         if self.spec.vtk_culler:
             frame.visible &= self._drawing.drawn_by_vtk()
             frame.record.visible = int(np.count_nonzero(frame.visible))
@@ -110,7 +111,7 @@ class Contestant:
             frame=frame,
             image=self._window.image(),
             apply_ms=1e3 * (applied - start),
-            draw_ms=1e3 * (end - start),
+            draw_ms=draw_ms,
         )
 
     def close(self) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import takewhile
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from ..pipeline import Pipeline
@@ -96,6 +97,7 @@ class Driver:
         self._interim: Pipeline | None = None
         self._opened = False
         self._applied = False
+        self._began = 0.0
         self._observers = [
             self.renderer.AddObserver("StartEvent", self._start),
             self.renderer.AddObserver("EndEvent", self._end),
@@ -172,6 +174,7 @@ class Driver:
             return
         self.frame = frame
         self._applied = True
+        self._began = perf_counter()
         self._subject.apply(frame)
 
     def decide(self, view: View) -> Frame | None:
@@ -238,6 +241,8 @@ class Driver:
         return self._ready()
 
     def _end(self, *_: object) -> None:
+        if self._applied and self.frame is not None:
+            self.frame.record.draw_ms = 1e3 * (perf_counter() - self._began)
         self._restore()
 
     def _restore(self) -> None:
