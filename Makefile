@@ -23,7 +23,7 @@ demo: .venv/installed-core
 
 test: .venv/installed-dev
 	$(BIN)/python .ci/bootstrap.py gl
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n auto $(PYTEST_ARGS)
 
 lint: .venv/installed-dev
 	$(BIN)/ruff check .

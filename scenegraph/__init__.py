@@ -6,7 +6,7 @@ from .errors import GLError, PipelineError, SceneError, ScenegraphError, SuiteEr
 from .frame import Frame, StandIn
 from .hookspecs import hookimpl
 from .log import FrameLog, FrameRecord, StageRecord
-from .mesh import Mesh
+from .mesh import Mesh, MeshTable
 from .nodes import Geode, Group, Lod, Node, Switch, Transform
 from .occluder import Occluder
 from .occluders import OccluderTable
@@ -39,6 +39,7 @@ __all__ = [
     "Lines",
     "Lod",
     "Mesh",
+    "MeshTable",
     "Node",
     "Occluder",
     "OccluderTable",

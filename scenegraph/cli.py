@@ -103,6 +103,10 @@ def compare(
     frames: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Views per camera path, instead of the suite's.")
     ] = None,
+    path: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A camera path instead of the suite's; anywhere = random views; repeatable."),
+    ] = None,
     pipeline: Annotated[
         list[str] | None,
         typer.Option(metavar="TEXT", help="Another pipeline, as 'frustum | ...' or 'NAME=...'; repeatable."),
@@ -121,6 +125,7 @@ def compare(
         json_file=json_file,
         scatter=scatter,
         frames=frames,
+        paths=path,
         pipelines=pipeline or [],
         fail_on_false_hides=fail_on_false_hides,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .log import FrameRecord, StageRecord
-from .mesh import Mesh
+from .mesh import Mesh, MeshTable
 from .nodes import Node
 from .snapshot import Snapshot
 from .traversal import Batch, walk
@@ -24,12 +24,19 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class StandIn:
-    """A mesh in world coordinates, drawn instead of the rows it stands for."""
+    """Meshes of a table that are drawn together instead of the rows they stand for."""
 
     rows: NDArray[np.int64]
-    mesh: Mesh
-    #: (4, 4) local-to-world matrix of the mesh.
+    table: MeshTable
+    #: (j,) which meshes of the table; none at all if what the rows show is not worth a triangle.
+    chosen: NDArray[np.int64]
+    #: (4, 4) local-to-world matrix of the meshes.
     matrix: NDArray[np.float64]
+
+    @property
+    def triangles(self) -> int:
+        """Triangles of the chosen meshes."""
+        return int(self.table.triangles[self.chosen].sum())
 
 
 class Frame:
@@ -97,6 +104,20 @@ class Frame:
         """Rows still visible, ascending."""
         return np.flatnonzero(self.visible)
 
+    def kept(self) -> NDArray[np.bool_]:
+        """(n,) rows that are drawn, by themselves or by a stand-in; a copy."""
+        return _kept(self.visible, self.standins)
+
+    @property
+    def kept_count(self) -> int:
+        """Number of rows that are drawn, by themselves or by a stand-in."""
+        return int(np.count_nonzero(self.kept())) if self.standins else self.visible_count
+
+    @property
+    def drawn_objects(self) -> int:
+        """Rows that are drawn by themselves, and meshes of stand-ins."""
+        return int(np.count_nonzero(self.visible)) + sum(len(s.chosen) for s in self.standins)
+
     def dead_nodes_now(self) -> NDArray[np.bool_]:
         """(m,) nodes of the hierarchy under which nothing is visible; a copy."""
         if self.dead_nodes is not None:
@@ -118,7 +139,7 @@ class Frame:
         rows = np.flatnonzero(visible)
         counts = self.snapshot.triangles
         picked = counts[0, rows] if len(counts) == 1 else counts[level[rows], rows]
-        return int(picked.sum(dtype=np.int64)) + sum(s.mesh.triangles for s in standins)
+        return int(picked.sum(dtype=np.int64)) + sum(s.triangles for s in standins)
 
     def _remember(self, *, changed: bool) -> None:
         """Keep the state after a stage, for `hidden_by` and the triangle counts."""
@@ -140,10 +161,11 @@ class Frame:
         self.record.triangles = whole
 
     def hidden_by(self) -> NDArray[np.int16]:
-        """(n,) index of the stage that hid each row, -1 where it is visible."""
+        """(n,) index of the stage that hid each row, -1 where it is drawn, by itself or by a stand-in."""
         out = np.full(self.snapshot.n, -1, np.int16)
         before = np.ones(self.snapshot.n, bool)
-        for i, (after, _, _) in enumerate(self._after):
+        for i, (visible, _, standins) in enumerate(self._after):
+            after = _kept(visible, standins)
             out[before & ~after] = i
             before = after
         return out
@@ -196,7 +218,14 @@ class Frame:
         wanted = np.minimum(np.asarray(levels, np.int64), last)
         self.level[index] = np.maximum(self.level[index], np.maximum(wanted, 0)).astype(np.uint8)
 
-    def replace(self, rows: ArrayLike | Node, mesh: Mesh, matrix: ArrayLike | None = None) -> None:
+    def replace(
+        self,
+        rows: ArrayLike | Node,
+        mesh: Mesh | MeshTable,
+        matrix: ArrayLike | None = None,
+        *,
+        chosen: ArrayLike | None = None,
+    ) -> None:
         """Draw a stand-in instead of rows, or of all rows below a node.
 
         Rows of an earlier stand-in may be covered by a later one only as a whole.
@@ -204,16 +233,23 @@ class Frame:
         Parameters
         ----------
         rows : (k,) indices, or a node of the graph
-        mesh : Mesh
-            The stand-in.
+        mesh : Mesh or MeshTable
+            The stand-in; or what it is chosen from: meshes that are loaded once, of which each frame draws a few.
         matrix : (4, 4) float, optional
             Its local-to-world matrix; world coordinates without.
+        chosen : (j,) indices, optional
+            Which meshes of the table are drawn, all of them by default. They stand for the rows together: which mesh
+            shows which row is the business of the stage.
         """
         self._declared("standins")
         if isinstance(rows, Node):
             index = np.arange(*self.snapshot.rows_of(rows))
         else:
             index = np.asarray(rows, np.int64).ravel()
+        table = mesh.alone if isinstance(mesh, Mesh) else mesh
+        picked = np.arange(len(table)) if chosen is None else np.asarray(chosen, np.int64).ravel()
+        if len(picked) and not (picked.min() >= 0 and picked.max() < len(table)):
+            raise ValueError(f"replace: chosen names mesh {int(picked.max())} of a table of {len(table)}")
         index = index[~self.snapshot.protected[index]]
         covered = np.zeros(self.snapshot.n, bool)
         covered[index] = True
@@ -225,7 +261,7 @@ class Frame:
             if not inside.any():
                 kept.append(standin)
         place = np.eye(4) if matrix is None else np.array(matrix, np.float64)
-        self.standins = [*kept, StandIn(index, mesh, place)]
+        self.standins = [*kept, StandIn(index, table, picked, place)]
         self.visible[index] = False
         self._touched()
 
@@ -293,3 +329,10 @@ class Frame:
                 setattr(self._stage_record, key, getattr(self._stage_record, key) + int(value))
             else:
                 self._stage_record.counts[key] = self._stage_record.counts.get(key, 0) + float(value)
+
+
+def _kept(visible: NDArray[np.bool_], standins: list[StandIn]) -> NDArray[np.bool_]:
+    kept = visible.copy()
+    for standin in standins:
+        kept[standin.rows] = True
+    return kept

@@ -147,6 +147,11 @@ class Mesh:
         digest.update(self.faces.tobytes())
         return digest.hexdigest()[:32]
 
+    @cached_property
+    def alone(self) -> MeshTable:
+        """The table that has only this mesh; the same one at every call, so that what is loaded of it is reused."""
+        return MeshTable([self])
+
     @property
     def nbytes(self) -> int:
         """Bytes held by the arrays."""
@@ -174,3 +179,29 @@ class Mesh:
             name=name,
             color=color,
         )
+
+
+class MeshTable:
+    """Meshes that stages draw instead of rows: declared once, loaded once, chosen anew in every frame.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+        All in the same coordinates: those of the world, or local ones of stand-ins that have a matrix.
+
+    Attributes
+    ----------
+    meshes : tuple of Mesh
+    triangles : (m,) int64
+    """
+
+    def __init__(self, meshes: Sequence[Mesh]) -> None:
+        self.meshes = tuple(meshes)
+        self.triangles = np.array([m.triangles for m in self.meshes], np.int64)
+        _frozen(self.triangles)
+
+    def __len__(self) -> int:
+        return len(self.meshes)
+
+    def __repr__(self) -> str:
+        return f"<MeshTable of {len(self)} meshes, {int(self.triangles.sum())} triangles>"

@@ -263,7 +263,7 @@ class Pipeline:
                     stage.run(frame)
                 finally:
                     frame._stage = frame._stage_record = None
-                now = frame.visible_count
+                now = frame.kept_count
                 record.hidden, before = before - now, now
                 if "level" in stage.writes:
                     coarser = int(np.count_nonzero(frame.level))

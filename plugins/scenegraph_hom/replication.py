@@ -160,9 +160,9 @@ def _report_counts(found: Replication, scene: _Scene, run: CountedRun) -> None:
         Plot(
             f"{scene.counts}: triangles left, {scene.name}",
             "% of the scene's triangles",
+            {name: [100 * t / whole for t in path.triangles] for name, path in run.pipelines.items()},
             f"Of {whole:,} triangles at tessellation level 20, counted.".replace(",", " "),
             run.paths,
-            {name: [100 * t / whole for t in path.triangles] for name, path in run.pipelines.items()},
         )
     )
     mean = float((1 - np.array(run.pipelines["HOM+LV"].triangles)[outside] / base[outside]).mean())
@@ -196,9 +196,9 @@ def _report_times(found: Replication, scene: _Scene, pipelines: dict[str, Any], 
         Plot(
             f"{scene.times}: frame time, {scene.name}",
             "ms per frame",
+            times,
             f"Culling and drawing on this machine, tessellated up to level {DRAWN_CEILING} instead of 20.",
             [f.path for f in results["frustum"].frames],
-            times,
         )
     )
     for name in ("HOM", "HOM+LV"):

@@ -44,7 +44,7 @@ class LodBudget(LevelStage):
         if self.hysteresis:
             seen = np.where(number <= before, seen * np.float32(1 - self.hysteresis), seen)
         triangles = snapshot.triangles if whole else snapshot.triangles[:, rows]
-        budget = self.triangles - sum(standin.mesh.triangles for standin in frame.standins)
+        budget = self.triangles - sum(standin.triangles for standin in frame.standins)
         levels = mesh_level_budget(seen, triangles, frame.level[rows], budget=budget)
         used = int(np.take_along_axis(triangles, levels[None], axis=0).sum(dtype=np.int64))
         frame.count(triangles_used=used, over_budget=max(used - budget, 0))

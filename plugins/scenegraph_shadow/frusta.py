@@ -19,7 +19,7 @@ from scenegraph.kernels.shadow_frusta import box_depth_in_frusta_exact
 from scenegraph.kernels.silhouettes import UNUSED, cone_shadow_rows
 from scenegraph.kernels.slices import slice_expand, slice_padded
 from scenegraph.kernels.solid_angles import angle_solid_triangles
-from scenegraph.kernels.windows import point_outcodes
+from scenegraph.kernels.windows import point_outcodes, segment_enters
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -182,7 +182,8 @@ class Shapes:
         """
         topology, view, m = self._topology, self.view, len(self.ids)
         both = np.concatenate([window, -window[4:5]])
-        codes = point_outcodes(self.points, both, size=float(self.reach.max()))
+        size = float(self.reach.max())
+        codes = point_outcodes(self.points, both, size=size)
         common = np.bitwise_and.reduce(codes, axis=0)
         # the last bit: surely behind the near plane, where everything is drawn
         outside, beyond = (common & 0b0111111) != 0, common >= 0b1000000
@@ -190,15 +191,18 @@ class Shapes:
         # the first four bits: the sides of the window, which are lines on the screen
         unneeded = (flat[0] & flat[1] & 0b0001111) != 0
         whole = unneeded.all(axis=0) & ~outside
-        if whole.any():
-            unneeded[:, whole] = False
+        # that edges beyond a side do not matter holds only for what is seen at all: an occluder beyond a corner may lie
+        # on the inner side of the only edge that is left, and so does the window
+        some = unneeded.any(axis=0) & ~whole & ~outside
+        unseen = some & ~self._edges_enter(np.flatnonzero(some), window[:4], size)
+        unneeded &= some & ~unseen
         rows, lit, clear, sound = self._planes(None, beyond, unneeded, most_faces)
-        if whole.any():
-            which = np.flatnonzero(whole & lit & clear & sound)
+        if (whole | unseen).any():
+            which = np.flatnonzero((whole | unseen) & lit & clear & sound)
             # no side crosses the window: the occluder covers all of it, or nothing
             covers = _covers_middle(rows[which], view)
             outside[which[~covers]] = True
-            which = which[covers]
+            which = which[covers & whole[which]]
             if len(which):
                 bare = self._planes(which, beyond, np.ones_like(unneeded), most_faces)[0]
                 rows[which] = 0.0
@@ -208,6 +212,18 @@ class Shapes:
         faults = np.array([outside, ~lit & polygon, ~(clear & lit), ~sound])
         faults[1:] &= ~np.logical_or.accumulate(faults[:-1], axis=0)
         return rows, faults
+
+    def _edges_enter(self, which: Ints, window: Floats, size: float) -> Bools:
+        """(m,) whether some edge of those occluders surely is in the window; False for all others."""
+        seen = np.zeros(len(self.ids), bool)
+        if len(which):
+            points = self.points[..., which]
+            build = self._build if isinstance(self._build, slice) else self._build[which]
+            first, last = self._topology.ends[..., build] * len(which) + np.arange(len(which))
+            flat = points.reshape(3, -1)
+            enters = segment_enters(flat.take(first, axis=1), flat.take(last, axis=1), window, size=size)
+            seen[which] = enters.any(axis=0)
+        return seen
 
     def _planes(
         self, which: Ints | None, beyond: Bools, unneeded: Bools, most_faces: int

@@ -31,6 +31,7 @@ def run_command(
     json_file: str | None = None,
     scatter: int | None = None,
     frames: int | None = None,
+    paths: list[str] | None = None,
     pipelines: list[str] | None = None,
     fail_on_false_hides: bool = False,
     known: Registry | None = None,
@@ -48,6 +49,8 @@ def run_command(
         Where the summary goes as well; "-" is stdout, and the table then goes to stderr.
     scatter, frames : int, optional
         Copies of a model file; views per path.
+    paths : list of str, optional
+        Camera paths instead of the suite's.
     pipelines : list of str, optional
         More pipelines, as text.
     fail_on_false_hides : bool
@@ -64,7 +67,9 @@ def run_command(
         Bad input; nothing was drawn.
     """
     known = known or registry()
-    suite = prepared_suite(argument, known, quick=quick, scatter=scatter, frames=frames, pipelines=pipelines or [])
+    suite = prepared_suite(
+        argument, known, quick=quick, scatter=scatter, frames=frames, paths=paths, pipelines=pipelines or []
+    )
     folder = writable_folder(out or Path("results") / suite.name.replace("/", "-").replace(" ", "-"))
     if json_file not in (None, "-"):
         writable_folder(Path(str(json_file)).parent)
@@ -89,6 +94,7 @@ def prepared_suite(
     quick: bool = False,
     scatter: int | None = None,
     frames: int | None = None,
+    paths: list[str] | None = None,
     pipelines: list[str],
 ) -> Suite:
     """Find the suite that an argument means, and change what the options say."""
@@ -97,7 +103,8 @@ def prepared_suite(
         suite = add_pipelines(suite, pipelines, known)
     if quick:
         suite = suite.quicker()
-    return suite.model_copy(update={"frames": frames}) if frames is not None else suite
+    changes = {"frames": frames, "paths": paths}
+    return suite.model_copy(update={key: value for key, value in changes.items() if value})
 
 
 def writable_folder(folder: Path) -> Path:

@@ -34,10 +34,7 @@ class Drawn:
     @cached_property
     def kept(self) -> Rows:
         """(n,) rows that reached OpenGL, by themselves or by a stand-in."""
-        kept = self.frame.visible.copy()
-        for standin in self.frame.standins:
-            kept[standin.rows] = True
-        return kept
+        return self.frame.kept()
 
 
 class Contestant:
@@ -99,10 +96,7 @@ class Contestant:
         applied = perf_counter()
         self._window.draw(view)
         end = perf_counter()
-        record = frame.record
-        draw_ms = record.draw_ms = 1e3 * (end - start)
-        if self.spec.adaptive:
-            self.pipeline.worth.drawn(objects=record.visible, triangles=record.triangles, ms=draw_ms)
+        draw_ms = frame.record.draw_ms = 1e3 * (end - start)
         if self.spec.vtk_culler:
             frame.visible &= self._drawing.drawn_by_vtk()
             frame.record.visible = int(np.count_nonzero(frame.visible))

@@ -91,19 +91,20 @@ def path_plot(paths: Sequence[str], series: Mapping[str, Sequence[float]], unit:
     Parameters
     ----------
     paths : sequence of str
-        Name of the path that each view belongs to.
+        Name of the path that each view belongs to; empty for a single one.
     series : mapping of str to sequence of float
         One value per view; NaN where there is none.
     unit : str
     """
-    if not len(paths) or not series:
+    count = max((len(values) for values in series.values()), default=0)
+    if not count:
         return ""
     lines: list[Series] = []
     for index, (name, values) in enumerate(series.items()):
         color = _NAMES[f"series-{0 if index == 0 else 1 + (index - 1) % (_SERIES - 1)}"]
         lines.append((name, list(values), color, _DASHES[index % len(_DASHES)]))
     with matplotlib.rc_context(_STYLE):
-        return _lines(paths, lines, unit, len(paths))
+        return _lines(list(paths) or [""] * count, lines, unit, count)
 
 
 def _lines(paths: Sequence[str], series: Sequence[Series], unit: str, count: int) -> str:

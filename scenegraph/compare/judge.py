@@ -68,7 +68,7 @@ class Judge:
             cull_ms=record.cull_ms,
             draw_ms=drawn.draw_ms,
             apply_ms=drawn.apply_ms,
-            drawn_objects=record.visible + len(drawn.frame.standins),
+            drawn_objects=drawn.frame.drawn_objects,
             drawn_triangles=record.triangles,
             visible_objects=int(np.count_nonzero(truth.visible)),
             false_hides=metrics.false_hides(truth.visible, drawn.kept),

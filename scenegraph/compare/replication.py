@@ -14,6 +14,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -27,10 +29,11 @@ from scenegraph.progress import Progress
 from scenegraph.registry import Registry, registry
 
 if TYPE_CHECKING:
+    from scenegraph.compare.playing import Played
     from scenegraph.frame import Frame
 
 
-__all__ = ["Cell", "CountedRun", "Laboratory", "Plot", "Replication", "replicate"]
+__all__ = ["Cell", "CountedRun", "Laboratory", "Picture", "Plot", "Replication", "likeness", "replicate"]
 
 
 @dataclass(frozen=True)
@@ -57,25 +60,40 @@ class Cell:
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure of the paper, measured: values along the camera path.
+    """One of a paper's figures, measured here: values along camera paths.
 
     Attributes
     ----------
     title : str
     unit : str
         Of all values.
+    series : mapping of str to sequence of float
+        One value per frame, by name of the pipeline; NaN where there is none.
     caption : str
     paths : sequence of str
-        Name of the path that each view belongs to.
-    series : mapping of str to sequence of float
-        One value per view.
+        Name of the path that each frame belongs to; empty if there is but one.
     """
 
     title: str
     unit: str
-    caption: str
-    paths: Sequence[str]
     series: Mapping[str, Sequence[float]]
+    caption: str = ""
+    paths: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One of a paper's pictures, drawn here.
+
+    Attributes
+    ----------
+    title, caption : str
+    image : (h, w, 3) uint8
+    """
+
+    title: str
+    caption: str
+    image: NDArray[np.uint8]
 
 
 @dataclass
@@ -93,6 +111,9 @@ class Replication:
         What must be known to read the numbers: what was changed, what has no counterpart, and why.
     runs : dict
         Summary of each suite that was run, by scene; see `scenegraph.compare.summary`.
+    plots : list of Plot
+    pictures : list of Picture
+        Written as files beside the report, and shown in it.
     """
 
     paper: str
@@ -101,6 +122,7 @@ class Replication:
     plots: list[Plot] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     runs: dict[str, dict[str, Any]] = field(default_factory=dict)
+    pictures: list[Picture] = field(default_factory=list)
 
 
 class Laboratory:
@@ -158,6 +180,28 @@ class Laboratory:
             raise KeyboardInterrupt
         return self.summaries[scene]
 
+    def play(
+        self, scene: str, suite: Mapping[str, Any], *, pictures: Sequence[float] = ()
+    ) -> tuple[dict[str, Played], dict[int, NDArray[np.uint8]]]:
+        """Play a suite's paths with all its pipelines, without truth; see `scenegraph.compare.playing.play`.
+
+        Its frames are written to `played.csv` in a folder named after the scene.
+        """
+        from scenegraph.compare.playing import play
+
+        checked = suite_of(dict(suite), self.known)
+        if self.quick:
+            checked = checked.quicker()
+        folder = writable_folder(self.folder / scene)
+        with FrameLog(stream=folder / "played.csv", extra=("draw_ms",)) as log:
+            return play(
+                checked,
+                self.known,
+                pictures=pictures,
+                log=log,
+                tell=lambda what, share: self._tell(f"{scene}: {what}", share),
+            )
+
     def count(
         self,
         scene: str,
@@ -181,6 +225,28 @@ class Laboratory:
         return count_along(
             checked, self.known, tell=lambda what, share: self._tell(f"{scene}: {what}", share), look=look
         )
+
+
+def likeness(image: NDArray[np.uint8], reference: NDArray[np.uint8]) -> dict[str, float]:
+    """How like two pictures are: "SNR" in dB, "SSIM", and "FLIP" where the extra `quality` is installed.
+
+    Parameters
+    ----------
+    image, reference : (h, w, 3) uint8
+    """
+    from scenegraph.compare import metrics
+
+    found = {"SNR": metrics.snr_db(image, reference)}
+    found["SSIM"] = 1.0 if np.array_equal(image, reference) else metrics.ssim(image, reference)
+    try:
+        from importlib import import_module
+
+        flip = import_module("flip_evaluator")
+    except ImportError:
+        return found
+    first, second = (p.astype(np.float32) / 255 for p in (reference, image))
+    found["FLIP"] = float(flip.evaluate(first, second, "LDR")[1])
+    return found
 
 
 def replicate(
@@ -217,8 +283,10 @@ def replicate(
         sys.stdout.write(text)
     elif json_file is not None:
         Path(json_file).write_text(text, encoding="utf-8")
-    from scenegraph.compare.report import render_replication
+    from scenegraph.compare.report import render_replication, write_picture
 
+    for number, picture in enumerate(found.pictures, 1):
+        write_picture(picture.image, folder / f"picture-{number}.png")
     (folder / "replication.html").write_text(render_replication(found, laboratory.results), encoding="utf-8")
     console = Console(stderr=json_file == "-", width=None if sys.stdout.isatty() else 132, highlight=False)
     for table in tables_of(found):
@@ -229,7 +297,7 @@ def replicate(
 
 
 def as_json(found: Replication) -> dict[str, Any]:
-    """The content of `--json`: cells with a counterpart, our own rows apart, and the summaries of the runs."""
+    """The content of `--json`: cells with a counterpart, our own rows apart, plots, and the summaries of the runs."""
     cells = [asdict(c) for c in found.cells if c.paper is not None]
     added = [asdict(c) for c in found.cells if c.paper is None]
     plots = [asdict(p) for p in found.plots]

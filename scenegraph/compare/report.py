@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jinja2
@@ -76,8 +77,14 @@ def render_replication(found: Replication, runs: Mapping[str, RunResult]) -> str
             figures=[(p, path_plot(p.paths, p.series, p.unit)) for p in found.plots],
             runs=runs,
             plots={scene: plots(run) for scene, run in runs.items()},
+            pictures=[(picture.title, picture.caption, _png(picture.image)) for picture in found.pictures],
         )
     )
+
+
+def write_picture(image: Image, path: Path) -> None:
+    """Write (h, w, 3) bytes as a PNG file."""
+    Picture.fromarray(image).save(path)
 
 
 def _environment() -> jinja2.Environment:

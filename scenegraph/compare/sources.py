@@ -54,7 +54,8 @@ def build_scene(suite: Suite, registry: Registry) -> Scene:
 def camera_paths(suite: Suite, snapshot: Snapshot) -> list[PathView]:
     """List the views of a run in order, each path thinned to the suite's number of frames.
 
-    A scene without camera paths gets the usual ones, after the cameras that its file has.
+    A scene without camera paths gets the usual ones, after the cameras that its file has. Any scene has the path
+    "anywhere": as many random views as the suite has frames.
 
     Raises
     ------
@@ -63,6 +64,7 @@ def camera_paths(suite: Suite, snapshot: Snapshot) -> list[PathView]:
     SceneError
         There is no path at all.
     """
+    from scenegraph.scenes.anywhere import anywhere
     from scenegraph.scenes.paths import default_paths
 
     scene = snapshot.scene
@@ -74,6 +76,8 @@ def camera_paths(suite: Suite, snapshot: Snapshot) -> list[PathView]:
     for wanted in suite.paths or list(scene.paths):
         if wanted in scene.paths:
             path = scene.paths[wanted]
+        elif wanted == "anywhere":
+            path = anywhere(snapshot, suite.frames, up=scene.up)
         elif wanted.endswith(".json"):
             try:
                 path = read_path(Path(wanted))

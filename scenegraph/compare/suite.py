@@ -92,7 +92,7 @@ class Suite(_Table):
     summary: str = ""
     scene: SceneSpec
     paths: list[str] = Field(default_factory=list)
-    """Camera paths of the scene, or `.json` files with lists of views; empty takes all the scene has."""
+    """Camera paths of the scene, "anywhere", or `.json` files with lists of views; empty takes all the scene has."""
     frames: Count = 48
     """Per path; a longer path is thinned evenly."""
     width: Pixels = 1280

@@ -77,6 +77,19 @@ def box_packed(boxes: NDArray[np.float64], origin: NDArray[np.float64], /) -> ND
     return packed
 
 
+def box_distance(boxes: NDArray[np.float64], point: NDArray[np.float64], /) -> NDArray[np.float64]:
+    """(k,) distance of a point (3,) from boxes (6, k), 0 inside and for boxes with NaN."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        away = np.fmax(np.abs(boxes[:3] - point[:, None]) - np.abs(boxes[3:]), 0.0)
+        return np.asarray(np.sqrt((away * away).sum(axis=0)))
+
+
+def box_area(boxes: NDArray[np.float64], /) -> NDArray[np.float64]:
+    """(k,) surface of boxes (6, k)."""
+    x, y, z = np.abs(boxes[3:])
+    return np.asarray(8.0 * (x * y + y * z + z * x))
+
+
 def box_plane_rows(planes: NDArray[np.float64], /, *, nearest: bool = False) -> NDArray[np.float64]:
     """(p, 8) rows whose product with packed boxes is the signed distance of a box's farthest (or nearest) corner.
 

@@ -1,4 +1,4 @@
-"""Points against the planes of a view."""
+"""Points and edges against the planes of a view."""
 
 from __future__ import annotations
 
@@ -34,3 +34,33 @@ def point_outcodes(points: NDArray[np.float64], planes: NDArray[np.float64], /, 
         outside = level < -limit
     bits = np.array([1, 2, 4, 8, 16, 32, 64, 128], np.uint8)[: len(planes)]
     return np.asarray((bits @ outside.view(np.uint8)).reshape(points.shape[1:]))
+
+
+def segment_enters(
+    start: NDArray[np.float64], end: NDArray[np.float64], planes: NDArray[np.float64], /, *, size: float
+) -> NDArray[np.bool_]:
+    """Which segments surely have a point strictly inside all planes: a part of a millionth of them at least.
+
+    Parameters
+    ----------
+    start, end : (3, ...) float64
+    planes : (p, 4) float64
+        Inside is n·x + d ≥ 0.
+    size : float
+        No coordinate is larger.
+
+    Returns
+    -------
+    (...) bool
+        False where a coordinate is not a number.
+    """
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        limit = ROUNDING * float(np.finfo(np.float64).eps) * (size + np.abs(planes[:, 3:]))
+        ends = np.stack([start.reshape(3, -1), end.reshape(3, -1)])
+        level = planes[:, :3] @ ends + (planes[:, 3:] - limit)
+        out = ~(level > 0.0)
+        # where along the segment each plane is crossed; nowhere inside a plane that both ends are outside of
+        at = level[0] / (level[0] - level[1])
+        first = np.where(out[0], np.where(out[1], np.inf, at), 0.0).max(axis=0, initial=0.0)
+        last = np.where(out[1], at, 1.0).min(axis=0, initial=1.0)
+        return np.asarray(last - first > 1e-6).reshape(start.shape[1:])

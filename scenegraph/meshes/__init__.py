@@ -1,10 +1,11 @@
-"""What is derived from meshes: occluders fitted into them, coarser levels, and the disk cache for both."""
+"""What is derived from meshes: fitted occluders, coarser levels, HLOD trees, and the disk cache for all."""
 
 from __future__ import annotations
 
 from .cache import DiskCache, cache_folder
 from .fitted import FittedOccluder, FittedOccluders
 from .fitting import fit_occluders
+from .hlod import Hlod, HlodReport, hlod_of
 from .inner import inner_shell
 from .levels import SceneLevels, levels_for
 from .placing import MeshOccluders, PlacedOccluders, SceneOccluders, occluders_for
@@ -15,12 +16,15 @@ __all__ = [
     "DiskCache",
     "FittedOccluder",
     "FittedOccluders",
+    "Hlod",
+    "HlodReport",
     "MeshOccluders",
     "PlacedOccluders",
     "SceneLevels",
     "SceneOccluders",
     "cache_folder",
     "fit_occluders",
+    "hlod_of",
     "inner_shell",
     "level_chain",
     "levels_for",

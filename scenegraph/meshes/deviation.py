@@ -24,8 +24,8 @@ from ..kernels.triangles import point_triangle_distance, point_triangle_weights
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-#: Triangles tried per part: few, and more where few do not do.
-_TRIED = (2, 8, 24)
+#: Triangles tried per part: few, and more where few have not done for so many rounds of cutting.
+_TRIED, _LATER = (4, 8, 24), 3
 #: Share of the size of a surface below which it is not worth telling distances apart.
 FLOOR = 2e-4
 #: Parts that are looked at closely to find a far point.
@@ -105,20 +105,17 @@ def surface_deviation(surface: F64, other: Surface, *, tolerance: float = 0.1) -
     bound = found = 0.0
     parts = surface
     for cut in range(_CUTS + 1):
-        for tried in _TRIED:
-            reach, middle, best = _reaches(parts, other, tried)
-            if len(parts):
-                # with few tried, a middle may seem farther than it is: the farthest are looked at closely
-                top = np.argsort(-middle, kind="stable")[:_CLOSELY]
-                found = max(found, float(_reaches(parts[top], other, _TRIED[-1])[1].max()))
-            coarse = reach > max((1 + tolerance) * found, found + FLOOR * size)
-            if tried == _TRIED[-1] and (cut == _CUTS or 3 * int(coarse.sum()) > _PARTS):
-                coarse[:] = False
-            bound = max(bound, float(reach[~coarse].max(initial=0.0)))
-            parts, best = parts[coarse], best[coarse]
-        if not len(parts):
+        reach, middle, best = _reaches(parts, other, _TRIED[min(cut // _LATER, 2)])
+        # with few tried, a middle may seem farther than it is: the farthest are looked at closely
+        top = np.argsort(-middle, kind="stable")[:_CLOSELY]
+        found = max(found, float(_reaches(parts[top], other, _TRIED[-1])[1].max()))
+        coarse = reach > max((1 + tolerance) * found, found + FLOOR * size)
+        if cut == _CUTS or 3 * int(coarse.sum()) > _PARTS:
+            coarse[:] = False
+        bound = max(bound, float(reach[~coarse].max(initial=0.0)))
+        if not coarse.any():
             break
-        parts = _cut(parts, other.triangles[best], 1e-9 * size)
+        parts = _cut(parts[coarse], other.triangles[best[coarse]], 1e-9 * size)
     return Deviation(bound, found)
 
 

@@ -22,6 +22,7 @@ from ..progress import Progress, silent
 from ..threads import one_blas_thread
 from .cache import DiskCache
 from .candidates import Candidate, flat_candidates, insides_of, solid_candidates, tally, volume_share
+from .convex import convex_solid
 from .fitted import FittedOccluder, FittedOccluders
 from .prepared import PreparedMesh, hindrance
 from .silhouette import Silhouette
@@ -29,7 +30,7 @@ from .solids import Openings
 from .topology import Shell
 
 #: Counted up whenever results change; part of the name of what is cached.
-VERSION = 1
+VERSION = 2
 CACHE_KIND = "occluders"
 
 _VIEWS, _PIXELS = 16, 64
@@ -158,6 +159,9 @@ def _fitted(mesh: Mesh, settings: _Settings, progress: Progress) -> FittedOcclud
     prepared = PreparedMesh.of(mesh)
     if not len(prepared.faces):
         return FittedOccluders(notes=("none of its triangles has an area",))
+    whole = _itself(prepared, settings)
+    if whole is not None:
+        return whole
     silhouette = Silhouette.of(prepared.points[prepared.faces], views=_VIEWS, size=_PIXELS)
     shells = prepared.worth_a_look(settings.openings)
     insides = insides_of(
@@ -210,6 +214,35 @@ def _fitted(mesh: Mesh, settings: _Settings, progress: Progress) -> FittedOcclud
         is_covered=bool(solids) and any(not s.is_closed for s in shells),
         notes=tuple(notes),
     )
+
+
+def fit_convex(mesh: Mesh, *, planes: int = 12) -> FittedOccluders | None:
+    """The one occluder of a mesh that is a convex solid already, in a few milliseconds; None for any other mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    planes : int
+        A solid of more sides is no occluder: stages work on every side.
+    """
+    if hindrance(mesh):
+        return None
+    prepared = PreparedMesh.of(mesh)
+    return _itself(prepared, _Settings("polytope", 1, 0.0, 8, planes, False, "none")) if len(prepared.faces) else None
+
+
+def _itself(prepared: PreparedMesh, settings: _Settings) -> FittedOccluders | None:
+    found = convex_solid(prepared, planes=settings.planes)
+    if found is None or (settings.shape == "box" and not found[1]):
+        return None
+    corners, is_box = found
+    # all of the silhouette but a hair's breadth
+    occluder = FittedOccluder("box" if is_box else "polytope", prepared.in_mesh(corners), True, 1.0)
+    try:
+        occluder.node()
+    except SceneError:  # far from the origin, rounding can bend what was flat
+        return None
+    return FittedOccluders((occluder,), coverage=1.0, solid_coverage=1.0, volume_share=1.0, closed_shells=1)
 
 
 def _why_no_solids(prepared: PreparedMesh, shells: Sequence[Shell], openings: Openings) -> str:

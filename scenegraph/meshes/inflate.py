@@ -97,16 +97,16 @@ def inflated(
     (v, d) float64, or None if it takes more planes, or rounding spoils the corners.
     """
     middle, shape = 0.5 * (low + high), np.diag(0.5 * (high - low))
-    corners_of = np.ascontiguousarray(np.moveaxis(simplices, 1, 0))
+    by_corner = np.ascontiguousarray(np.moveaxis(simplices, 1, 0))
     best: F64 | None = None
     most = 0.0
     for _ in range(rounds):
-        found = _separating(corners_of, middle, shape, planes)
+        found = _separating(by_corner, middle, shape, planes)
         if found is None:
             break
         sides = HalfSpaces(found.normals, found.offsets - np.abs(found.normals) @ margin)
         around = HalfSpaces(within.normals, within.offsets - np.abs(within.normals) @ margin)
-        corners = _corners(sides.and_those(around), middle)
+        corners = corners_of(sides.and_those(around), middle)
         if corners is None:
             break
         volume, middle, shape = _moments(corners)
@@ -116,7 +116,8 @@ def inflated(
     return best
 
 
-def _corners(sides: HalfSpaces, inner: F64) -> F64 | None:
+def corners_of(sides: HalfSpaces, inner: F64) -> F64 | None:
+    """(k, 3) corners of what half spaces enclose around an inner point; None if there is no room or no answer."""
     from scipy.spatial import HalfspaceIntersection, QhullError
 
     depth = sides.offsets - sides.normals @ inner

@@ -19,7 +19,7 @@ from ..occluder import Occluder
 from ..progress import Progress, silent
 from .candidates import insides_of
 from .fitted import FittedOccluder, FittedOccluders
-from .fitting import fit_occluders
+from .fitting import fit_convex, fit_occluders
 from .prepared import PreparedMesh
 from .solids import Interior
 
@@ -135,7 +135,7 @@ def occluders_for(
     ----------
     source : Scene or Snapshot
     max_meshes : int
-        How many meshes are fitted at most.
+        How many meshes are searched at most; of the others, those that are convex themselves still count.
     max_nodes : int
         How many occluders are made at most.
     least_size : float
@@ -162,23 +162,36 @@ def occluders_for(
     meshes: list[MeshOccluders] = []
     offers: list[tuple[int, FittedOccluder, MeshOccluders]] = []
     benefit: list[float] = []
+    by_mesh = np.argsort(mesh_of, kind="stable")
+    first = np.searchsorted(mesh_of[by_mesh], np.arange(len(snapshot.meshes) + 1))
+
+    def offer(number: int, fitted: FittedOccluders) -> None:
+        mine = by_mesh[first[number] : first[number + 1]]
+        report = MeshOccluders(snapshot.meshes[number], len(mine), float(promise[number]), fitted)
+        meshes.append(report)
+        for row, world in zip(rows[mine], area[mine], strict=True):
+            offers.extend((int(row), occluder, report) for occluder in fitted.occluders)
+            benefit.extend(occluder.gain * float(world) for occluder in fitted.occluders)
+
     for done, number in enumerate(chosen):
-        mine = rows[mesh_of == number]
         mesh = snapshot.meshes[number]
 
         def part(what: str, share: float, done: int = done, name: str = mesh.name) -> None:
             progress(f"{name}: {what}" if name else what, (done + share) / len(chosen))
 
-        fitted = fit_occluders(mesh, progress=part, **settings)
-        report = MeshOccluders(mesh, len(mine), float(promise[number]), fitted)
-        meshes.append(report)
-        for row, world in zip(mine, area[mesh_of == number], strict=True):
-            offers += [(int(row), occluder, report) for occluder in fitted.occluders]
-            benefit += [occluder.gain * float(world) for occluder in fitted.occluders]
+        offer(number, fit_occluders(mesh, progress=part, **settings))
+    left = 0
+    for done, number in enumerate(ranked[max_meshes:]):
+        progress("convex meshes", done / (len(ranked) - max_meshes))
+        fitted_whole = fit_convex(snapshot.meshes[number]) if len(offers) < max_nodes else None
+        if fitted_whole is None:
+            left += 1
+            continue
+        offer(int(number), fitted_whole)
     best = np.argsort(-np.array(benefit), kind="stable")[:max_nodes]
     kept = [offers[i] for i in np.sort(best)]
     _note_left_out(offers, kept, max_nodes)
-    return SceneOccluders(_placed(snapshot, kept), meshes, len(ranked) - len(chosen))
+    return SceneOccluders(_placed(snapshot, kept), meshes, left)
 
 
 def _large_rows(snapshot: Snapshot, least_size: float) -> I64:

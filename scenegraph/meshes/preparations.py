@@ -11,6 +11,7 @@ from ..progress import Progress
 
 if TYPE_CHECKING:
     from ..snapshot import Snapshot
+    from .hlod import Hlod
     from .levels import SceneLevels
     from .placing import SceneOccluders
 
@@ -23,6 +24,7 @@ def scenegraph_register_preparations(register: Callable[[str, Callable[..., Any]
     """Register the host's own preparations."""
     register("levels", levels, "Levels of detail declared in the graph; for drawables without, made from their meshes.")
     register("occluders", occluders, "Occluders declared in the graph; where there are none, fitted into its meshes.")
+    register("hlod", hlod, "A tree of simplified meshes over all drawables that can be merged.")
 
 
 def occluders(snapshot: Snapshot, progress: Progress) -> SceneOccluders | None:
@@ -40,6 +42,13 @@ def occluders(snapshot: Snapshot, progress: Progress) -> SceneOccluders | None:
     found = occluders_for(snapshot, progress=progress)
     snapshot.adopt_occluders({entry.node: entry.occluders for entry in found.placed})
     return found
+
+
+def hlod(snapshot: Snapshot, progress: Progress) -> Hlod:
+    """Build an HLOD tree over the whole scene, or read it from the cache."""
+    from .hlod import hlod_of
+
+    return hlod_of(snapshot, progress=progress)
 
 
 def levels(snapshot: Snapshot, progress: Progress) -> SceneLevels:

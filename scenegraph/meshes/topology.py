@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -149,6 +147,10 @@ def open_edges(faces: I64, times: I64) -> int:
 
 
 def _labels(count: int, a: I64, b: I64) -> I64:
+    # not at the top: with it, answering `scenegraph stages` takes half as long again
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_matrix((np.ones(len(a), bool), (a, b)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)
 

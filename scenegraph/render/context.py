@@ -112,16 +112,28 @@ def depth_texture(window: Any, size: tuple[int, int]) -> moderngl.Texture:
     tell apart what a 32-bit one can. Where functions cannot be looked up (not on Linux) it stays at 24.
     """
     texture = context_of(window).depth_texture(size)
-    kind = window.GetClassName()
-    if kind in _LOADERS:
+    if window.GetClassName() in _LOADERS:
         number, whole = ctypes.c_uint, ctypes.c_int
-        bind = ctypes.CFUNCTYPE(None, number, number)(_loader(kind).load("glBindTexture"))
-        image = ctypes.CFUNCTYPE(None, number, *[whole] * 5, number, number, ctypes.c_void_p)(
-            _loader(kind).load("glTexImage2D")
-        )
+        bind = gl_function(window, "glBindTexture", number, number)
+        image = gl_function(window, "glTexImage2D", number, *[whole] * 5, number, number, ctypes.c_void_p)
         bind(_TEXTURE_2D, texture.glo)
         image(_TEXTURE_2D, 0, _DEPTH_COMPONENT32, *size, 0, _DEPTH_COMPONENT, _UNSIGNED_INT, None)
     return texture
+
+
+def gl_function(window: Any, name: str, *arguments: Any) -> Callable[..., None]:
+    """An OpenGL function without a result, for what moderngl does not offer; call it inside `guard`.
+
+    Raises
+    ------
+    GLError
+        This kind of window has no look-up here, or OpenGL has no such function.
+    """
+    kind = window.GetClassName()
+    address = _loader(kind).load(name) if kind in _LOADERS else 0
+    if not address:
+        raise GLError(f"{name} cannot be looked up in the OpenGL of a {kind}; use an EGL, GLX or OSMesa window")
+    return ctypes.CFUNCTYPE(None, *arguments)(address)
 
 
 def is_alive(window: Any) -> bool:

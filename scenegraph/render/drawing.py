@@ -11,18 +11,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from .actors import BatchActor, InstanceActors, ItemActors, Materials, Surface, actor_of, matrix_of
-from .bake import centered, quantized
+from .actors import BatchActor, InstanceActors, ItemActors, Materials
 from .geometry import HEAVY_TRIANGLES, Geometry
-from .layout import F64, U8, Batch, Instances, Mask, Material
+from .layout import U8, Batch, Instances, Mask
+from .standins import TableActors, TableGeometry
 
 if TYPE_CHECKING:
     from ..frame import Frame, StandIn
-    from ..mesh import Mesh
     from ..snapshot import Snapshot
 
 Mode = Literal["auto", "batches", "actors"]
-#: Stand-ins of earlier frames that are kept loaded.
+#: Tables of stand-ins of earlier frames that are kept loaded.
 _STANDINS_KEPT = 256
 
 
@@ -60,7 +59,7 @@ class Drawing:
         kind = ItemActors if self.mode == "actors" else BatchActor
         self._batches: list[ItemActors | BatchActor] = [kind(batch, materials) for batch in self.geometry.batches]
         self._instances = [InstanceActors(entry, materials) for entry in self.geometry.instances]
-        self._standins: dict[int, _StandInActor] = {}
+        self._standins: dict[int, TableActors] = {}
         for group in [*self._batches, *self._instances]:
             for actor in group.actors:
                 self.renderer.AddActor(actor)
@@ -94,14 +93,12 @@ class Drawing:
         self._show_standins(list(standins))
 
     def _show_standins(self, standins: list[StandIn]) -> None:
-        wanted: dict[int, list[F64]] = {}
-        meshes: dict[int, Mesh] = {}
+        wanted: dict[int, list[StandIn]] = {}
         for standin in standins:
-            wanted.setdefault(id(standin.mesh), []).append(standin.matrix)
-            meshes[id(standin.mesh)] = standin.mesh
-        for key, mesh in meshes.items():
+            wanted.setdefault(id(standin.table), []).append(standin)
+        for key, group in wanted.items():
             # taken out and put back: the order of the dict is the order of last use
-            loaded = self._standins.pop(key, None) or _StandInActor(mesh, self.renderer)
+            loaded = self._standins.pop(key, None) or TableActors(TableGeometry.shared(group[0].table), self.renderer)
             self._standins[key] = loaded
         for key, loaded in self._standins.items():
             loaded.show(wanted.get(key, []))
@@ -142,7 +139,9 @@ class Drawing:
     @property
     def actor_count(self) -> int:
         """Number of actors in the renderer."""
-        return sum(len(group.actors) for group in [*self._batches, *self._instances]) + len(self._standins)
+        return sum(len(group.actors) for group in [*self._batches, *self._instances]) + sum(
+            s.actor_count for s in self._standins.values()
+        )
 
     @property
     def memory(self) -> int:
@@ -158,45 +157,3 @@ class Drawing:
             standin.remove()
         self._standins.clear()
         self._batches, self._instances = [], []
-
-
-class _StandInActor:
-    """One stand-in mesh, at any number of places."""
-
-    def __init__(self, mesh: Mesh, renderer: Any) -> None:
-        from .bake import ready_parts
-
-        # held, because the mesh is known by its identity
-        self.mesh = mesh
-        self._renderer = renderer
-        (part,), textures = ready_parts([mesh])
-        self._center = part.vertices.min(axis=0) / 2 + part.vertices.max(axis=0) / 2
-        self._surface = Surface(
-            (part.vertices - self._center).astype(np.float32),
-            part.faces.reshape(-1),
-            normals=part.normals,
-            uv=part.uv,
-            colors=part.colors,
-        )
-        color = quantized(np.array(mesh.color if mesh.color is not None else (1.0, 1.0, 1.0, 1.0)))
-        clear = part.translucent or color[3] < 255
-        self._material = Material(part.texture, part.normals is not None, bool(clear))
-        self._materials = Materials(textures)
-        self._color = color.tolist()
-        self._actors: list[Any] = []
-
-    def show(self, matrices: list[F64]) -> None:
-        while len(self._actors) < len(matrices):
-            actor = actor_of(self._surface, matrix_of(np.eye(4)))
-            self._materials.dress(actor, self._material, self._color)
-            self._renderer.AddActor(actor)
-            self._actors.append(actor)
-        for index, actor in enumerate(self._actors):
-            actor.SetVisibility(index < len(matrices))
-            if index < len(matrices):
-                actor.SetUserMatrix(matrix_of(centered(matrices[index][None], self._center)[0]))
-
-    def remove(self) -> None:
-        for actor in self._actors:
-            self._renderer.RemoveActor(actor)
-        self._actors = []

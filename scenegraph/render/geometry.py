@@ -115,7 +115,7 @@ class Geometry:
     def _build_batches(self, row: I64, level: I64, mesh: I64, code: I64) -> None:
         if not len(row):
             return
-        cell, origins = _cells(self.snapshot, row)
+        cell, origins = cells(self.snapshot.boxes[:, row], np.asarray(self.snapshot.origin, np.float64))
         order = np.lexsort((level, row, cell, code, code & 1))
         row, level, mesh, code, cell = row[order], level[order], mesh[order], code[order], cell[order]
         counts = np.array([len(p.vertices) for p in self._parts], np.int64)[mesh]
@@ -125,7 +125,7 @@ class Geometry:
         for start, end in zip(starts, [*starts[1:], len(row)], strict=True):
             items = slice(int(start), int(end))
             self.batches.append(
-                self._merge(_material(int(code[start])), origins[cell[start]], row[items], level[items], mesh[items])
+                self._merge(material_of(int(code[start])), origins[cell[start]], row[items], level[items], mesh[items])
             )
 
     def _merge(self, material: Material, origin: F64, row: I64, level: I64, mesh: I64) -> Batch:
@@ -205,7 +205,7 @@ class Geometry:
                 vertex_colors = tinted(row_color, [part.colors], np.array([len(part.colors)]))
             self.instances.append(
                 Instances(
-                    _material(material),
+                    material_of(material),
                     row[items].astype(np.int32),
                     level[items].astype(np.uint8),
                     vertices=(part.vertices - center).astype(np.float32),
@@ -269,15 +269,22 @@ class Geometry:
         return not np.isfinite(now).all() or bool(((now < 0) != (before < 0)).any())
 
 
-def _material(code: int) -> Material:
+def material_of(code: int) -> Material:
+    """The material of a code: translucent + 2 · smooth + 4 · (texture + 1)."""
     return Material(texture=code // 4 - 1, smooth=bool(code & 2), translucent=bool(code & 1))
 
 
-def _cells(snapshot: Snapshot, rows: I64) -> tuple[I64, F64]:
-    """Cell of each item and the origin of each cell; one cell unless float32 would be too coarse."""
-    center = np.asarray(snapshot.origin, np.float64)
-    cell = np.zeros(len(rows), np.int64)
-    boxes = snapshot.boxes[:, rows]
+def cells(boxes: F64, center: F64) -> tuple[I64, F64]:
+    """Cell of each item and the origin of each cell; one cell unless float32 would be too coarse.
+
+    Parameters
+    ----------
+    boxes : (6, k) float64
+        World boxes of the items.
+    center : (3,) float64
+        The origin, as long as one is enough.
+    """
+    cell = np.zeros(boxes.shape[1], np.int64)
     known = np.flatnonzero(np.isfinite(boxes).all(axis=0))
     if not len(known):
         return cell, center[None]

@@ -130,9 +130,7 @@ class UserActors:
     def apply(self, frame: Frame) -> None:
         """Switch off the actors of which no row is visible; stand-ins are not drawn, but what they stand for is."""
         wanted = np.zeros(len(self._actors), bool)
-        wanted[self._actor_of_row[frame.visible]] = True
-        for standin in frame.standins:
-            wanted[self._actor_of_row[standin.rows]] = True
+        wanted[self._actor_of_row[frame.kept()]] = True
         self._hidden = ~wanted
         for switch_off in compress(self._off, self._hidden.tolist()):
             switch_off()

@@ -18,7 +18,7 @@ _hookimpl = pluggy.HookimplMarker("scenegraph")
 @_hookimpl
 def scenegraph_register_scenes(register: Callable[[str, Callable[..., Any], str], None]) -> None:
     """Register the built-in scenes."""
-    from . import bunnies, city, foliage, olympia, scatter
+    from . import bunnies, city, foliage, inspection, olympia, scatter
 
     scenes: dict[str, Callable[..., Any]] = {
         "city": city.build,
@@ -27,6 +27,7 @@ def scenegraph_register_scenes(register: Callable[[str, Callable[..., Any], str]
         "bunnies-5001": bunnies.dense,
         "bunnies-10001": bunnies.sparse,
         "foliage": foliage.build,
+        "inspection": inspection.build,
     }
     for name, build in scenes.items():
         register(name, build, (build.__doc__ or "").partition("\n")[0])

@@ -127,11 +127,10 @@ def parsed(texts: Sequence[str], known: Registry) -> list[Pipeline]:
 
 
 def usual_pipeline(known: Registry) -> Pipeline:
-    """All stages that promise, as they are by default, to hide nothing visible, and that need nothing prepared."""
+    """All stages that promise, as they are by default, not to change the picture, and that need nothing prepared."""
     safe = (Guarantee.EXACT, Guarantee.CONSERVATIVE)
-    stages = [
-        made for made in (stage() for stage in known.stages.values()) if made.guarantee in safe and not made.needs
-    ]
+    made = [stage() for stage in known.stages.values()]
+    stages = [s for s in made if s.guarantee in safe and not s.needs and not {"level", "standins"} & set(s.writes)]
     while (pipeline := Pipeline(stages, preparations=known)).faults():
         stages.pop()
     return pipeline

@@ -79,7 +79,7 @@ class Marks:
     def show_hidden(self, frame: Frame, *, shine_through: bool) -> None:
         """Draw what is hidden as red wires, in front of everything or where it is."""
         target = self._front if shine_through and self._front is not None else self._renderer
-        self._wires[id(target)].show(np.tile(RED, (self._n, 1)), ~frame.visible, self._finest)
+        self._wires[id(target)].show(np.tile(RED, (self._n, 1)), ~frame.kept(), self._finest)
 
     def flash(self, rows: NDArray[np.int64]) -> None:
         """Draw rows as pink wires in front of everything."""

@@ -89,10 +89,7 @@ class Verdict:
 
 def judge(frame: Frame, pixels: NDArray[np.int64], shown: Any, whole: Any) -> Verdict:
     """Compare a frame with the pixels of each row, and its picture with that of everything."""
-    kept = frame.visible.copy()
-    for standin in frame.standins:
-        kept[standin.rows] = True
-    rows = np.flatnonzero((pixels > 0) & ~kept)
+    rows = np.flatnonzero((pixels > 0) & ~frame.kept())
     rows = rows[np.argsort(-pixels[rows], kind="stable")]
     return Verdict(
         rows,

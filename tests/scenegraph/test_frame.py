@@ -142,6 +142,23 @@ def test_stand_ins_replace_whole_groups_and_count_their_triangles() -> None:
     assert frame.drawn_triangles() == 1
 
 
+def test_many_meshes_of_a_table_stand_for_one_row() -> None:
+    snapshot = sg.Scene().add(box_at((0, 0, 0)), box_at((2, 0, 0))).snapshot()
+    frame = sg.Frame(snapshot, VIEW)
+    table = sg.MeshTable([BOX, BOX, BOX])
+    for chosen in ([3], [-1]):
+        with pytest.raises(ValueError, match="of a table of 3"):
+            frame.replace([0], table, chosen=chosen)
+    frame.replace([0], table, chosen=[2, 0])
+    assert (frame.visible_count, frame.drawn_objects, frame.drawn_triangles()) == (1, 3, 36)
+    assert frame.kept().all()
+    # rows that are not worth a triangle are kept, not hidden
+    frame.replace([0], table, chosen=[])
+    assert (frame.drawn_objects, frame.drawn_triangles()) == (1, 12)
+    assert frame.kept().all()
+    assert BOX.alone is BOX.alone
+
+
 class Product:
     pass
 

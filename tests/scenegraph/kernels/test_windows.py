@@ -1,4 +1,4 @@
-"""Outcodes of points against the planes of a view."""
+"""Points and edges against the planes of a view."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenegraph import View
-from scenegraph.kernels.windows import point_outcodes
+from scenegraph.kernels.windows import point_outcodes, segment_enters
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-9, 1e11])
@@ -27,3 +27,26 @@ def test_border_and_nan_count_as_inside():
     planes = np.array([[1.0, 0, 0, -2.0]])
     points = np.array([[2.0, 2 - 1e-15, np.nan, 1.0], [7.0] * 4, [-7.0] * 4])
     assert point_outcodes(points, planes, size=7.0).tolist() == [0, 0, 0, 1]
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-9, 1e11])
+def test_segments_that_enter_have_points_inside(rng, scale):
+    view = View((0, 0, 0), (0, 0, -1), fov=40.0, near=scale, far=9 * scale)
+    planes = view.planes(view.eye)[:4]
+    start, end = rng.uniform(-10, 10, (2, 3, 500)) * scale
+    enters = segment_enters(start, end, planes, size=10 * scale)
+    along = start + (end - start) * np.linspace(0, 1, 2001)[:, None, None]
+    distance = np.einsum("pi,tik->tpk", planes[:, :3], along) + planes[:, 3][:, None]
+    found = (distance > 0).all(axis=1)
+    assert enters[found.sum(axis=0) > 1].all()
+    # what is found between two samples only is a short part at the border
+    assert (distance.min(axis=1).max(axis=0)[enters] > -0.05 * scale).all()
+    assert 20 < enters.sum() < 480
+
+
+def test_segments_at_the_border_do_not_enter():
+    planes = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0]])
+    start = np.array([[-1.0, 0, -1, np.nan, -1], [1, 0, 0, 1, 1], [0, 0, 0, 0, 0]])
+    end = np.array([[1.0, 1, 1, 1, 1], [-1, 0, 0, 1, 1], [0, 0, 0, 0, 0]])
+    # through the corner, along a side, along a side from without, not a number, and truly
+    assert segment_enters(start, end, planes, size=1.0).tolist() == [False, False, False, False, True]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import scenegraph as sg
+from mesh_proofs import torus
 from scenegraph import Mesh, SceneError
 from scenegraph.meshes import SceneOccluders, occluders_for
 
@@ -29,13 +30,21 @@ def test_meshes_are_taken_by_size_times_count() -> None:
     assert [m.drawables for m in found.meshes] == [1, 1, 5]
     assert found.meshes[0].area == pytest.approx(6)
     assert (len(found), found.meshes_left) == (7, 0)
-    few = occluders_for(scene, max_meshes=1, **FAST)
-    assert [m.mesh.name for m in few.meshes] == ["big"]
-    assert few.meshes_left == 2
-    assert occluders_for(scene, max_meshes=1, least_size=0.05, **FAST).meshes_left == 1  # the smallest do not count
+    assert len(occluders_for(scene, least_size=0.05, **FAST).meshes) == 2  # the smallest do not count
     best = occluders_for(scene, least_size=0.0, max_nodes=2, **FAST)
     assert [p.node.mesh.name for p in best.placed if isinstance(p.node, sg.Geode)] == ["big", "cube"]
     assert best.meshes[2].notes == ["some left out, as others cover more (5; 2 are kept in all)"]
+
+
+def test_beyond_the_most_meshes_only_convex_ones_count() -> None:
+    ring = torus(1.0, 0.3)
+    scene = sg.Scene(
+        sg.Group(sg.Geode(Mesh.box((0, 0, 0), (9, 9, 9), name="big")), sg.Geode(ring), sg.Geode(CUBE, name="cube"))
+    )
+    few = occluders_for(scene, max_meshes=1, **FAST)
+    assert [m.mesh.name for m in few.meshes] == ["big", "cube"]
+    assert few.meshes_left == 1
+    assert len(occluders_for(scene, max_meshes=3, **FAST).meshes) == 3
 
 
 def test_occluders_follow_their_drawable_and_never_hide_it() -> None:

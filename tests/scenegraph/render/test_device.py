@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drawn_scenes import town, town_views
-from scenegraph import View
+from drawn_scenes import ball, town, town_views
+from scenegraph import Geode, Group, Lod, Scene, Transform, View
 from scenegraph.render.context import context_of, guard
 from scenegraph.render.device import Device
 from scenegraph.render.drawing import Drawing
@@ -100,6 +100,38 @@ def test_depth_of_chosen_rows(window: OffscreenWindow, rng: np.random.Generator)
         both = target.read()
         device.draw_depth(target, view, snapshot)
         assert np.array_equal(both, target.read())
+
+
+@pytest.mark.parametrize("levels", [False, True])
+def test_depth_of_rows_given_by_number(window: OffscreenWindow, rng: np.random.Generator, levels: bool) -> None:
+    snapshot, view = town(translucent=False).snapshot(), town_views()["above"]
+    if levels:
+        snapshot = leveled_scene().snapshot()
+    device = Device(window)
+    with device.guard():
+        target = device.depth_target(view.width, view.height)
+        for share in (0.0, 0.02, 0.5, 1.0):
+            chosen = rng.random(snapshot.n) < share
+            level = rng.integers(0, 4, snapshot.n).astype(np.uint8) if levels else None
+            device.draw_depth(target, view, snapshot, chosen, level)
+            depth = target.read()
+            device.draw_depth(target, view, snapshot, rng.permutation(np.flatnonzero(chosen)), level)
+            assert np.array_equal(target.read(), depth)
+            assert (depth < 1).any() == (share > 0)
+        device.draw_depth(target, view, snapshot, np.zeros(0, np.int64))
+        assert (target.read() == 1).all()
+        assert device.gl.error == "GL_NO_ERROR"
+    device.close()
+
+
+def leveled_scene() -> Scene:
+    """Light and heavy meshes with one to three levels."""
+    meshes = [ball(40, 40), ball(12, 12), ball(5, 5)]
+    group = Group()
+    for i in range(60):
+        drawable = Lod(*meshes[i % 2 :]) if i % 3 else Geode(meshes[i % 2])
+        group.add(Transform(drawable, translation=(i % 10 * 4 - 20, i // 10 * 4, 0)))
+    return Scene(group)
 
 
 def test_depth_target_need_not_have_the_size_of_the_view(window: OffscreenWindow) -> None:

@@ -12,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 from scenegraph import Geode, Group, Mesh, Scene, Transform
 from scenegraph.scenes import city, olympia, scatter
+from scenegraph.scenes.anywhere import anywhere
 from scenegraph.scenes.ground import find_ground
 from scenegraph.scenes.paths import (
     Moment,
@@ -274,3 +275,24 @@ def test_real_files_get_the_paths_that_suit_them(data_dir: Path, file: str, name
     for view in paths.get("walk", []):
         assert (np.array(view.eye) > low - 2).all()
         assert (np.array(view.eye) < high + 2).all()
+
+
+def test_views_from_anywhere_are_free_and_repeat() -> None:
+    snapshot = town().snapshot()
+    views = anywhere(snapshot, 40)
+    assert views == anywhere(snapshot, 40)
+    assert views[:10] == anywhere(snapshot, 10)
+    assert views != anywhere(snapshot, 40, seed=1)
+    assert 0 < sum(v.is_parallel for v in views) < 20
+    eyes = np.array([v.eye for v in views])
+    assert len(np.unique(eyes, axis=0)) == 40
+    houses = snapshot.boxes[:, snapshot.boxes[5] > 0.5]
+    inside = (np.abs(eyes[:, :, None] - houses[:3]) < houses[3:]).all(axis=1)
+    assert not inside.any()
+    low = snapshot.boxes[2].min() - snapshot.boxes[5].max()
+    assert (eyes[:, 2] > low).all()
+
+
+def test_views_from_anywhere_without_a_ground_or_anything() -> None:
+    assert len(anywhere(scatter.build(count=30).snapshot(), 5)) == 5
+    assert anywhere(Scene().snapshot(), 5) == []

@@ -1,0 +1,161 @@
+"""Coherent refinement of an HLOD tree by occlusion queries.
+
+Charalambos, "Coherent hierarchical level-of-detail (HLOD) refinement through hardware occlusion queries". All drawables
+that can be merged are one tree of simplified meshes; a frame draws a cut through it. A node is refined until its error
+on the screen is at most τ. The paper's idea: a node of which only q of α pixels are visible needs only a part of the
+detail, so that the test is ε · (q / α) ≤ τ, with q from the occlusion query that is issued in any case.
+
+Errata and open points of the text, and what we do about them, are told where they are written: α and μ in `measures`,
+predictions and traversal in `walk`. Section 4.4 prints τ^q = τ · (q / α), which refines the less visible more; from the
+refinement test follows τ^q = τ · (α / q), without bound at q = 0, where nothing is drawn.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from scenegraph import Frame, Guarantee, PipelineError, Snapshot, Stage, parameter
+from scenegraph.meshes import Hlod, hlod_of
+
+from .cut import HlodCut
+from .measures import Alpha, Ints, Measures
+from .walk import Rules, Walk
+
+#: The four configurations of Table 1.
+PRESETS: dict[str, dict[str, Any]] = {
+    "CHLOD-eps_q": {"metric": "eps_q", "traversal": "coherent", "predictor": "queue", "trim": False},
+    "CHLOD-eps": {"metric": "eps", "traversal": "coherent", "predictor": "queue", "trim": False},
+    "SW-eps_q": {"metric": "eps_q", "traversal": "stop_and_wait", "predictor": "queue", "trim": False},
+    "SW-eps": {"metric": "eps", "traversal": "stop_and_wait", "predictor": "queue", "trim": False},
+}
+
+
+class HlodRefinement(Stage):
+    """Draws a cut through a tree of simplified meshes, coarser where little is visible."""
+
+    name = "hlod"
+    writes = ("visible", "standins", HlodCut)
+
+    preset: Literal["none", "CHLOD-eps_q", "CHLOD-eps", "SW-eps_q", "SW-eps"] = parameter(
+        "none", help="a configuration of the paper: sets metric, traversal and predictor"
+    )
+    metric: Literal["eps_q", "eps"] = parameter(
+        "eps_q", help="refine by the error times the visible part of the box, or by the error alone"
+    )
+    tau: float = parameter(1.0, minimum=0.0, maximum=1000.0, unit="px", help="largest error that is drawn")
+    traversal: Literal["coherent", "stop_and_wait", "none"] = parameter(
+        "coherent", help="how queries are scheduled; none: no queries, and the metric is eps"
+    )
+    predictor: Literal["temporal", "queue"] = parameter(
+        "temporal", help="visible part of a box before its query is answered: as last measured, or by its place"
+    )
+    alpha: Alpha = parameter("projected", help="pixels of a box: exact, or by a cube of the same volume as printed")
+    trim: bool = parameter(True, help="leave out of the picture what was drawn by prediction and is then found hidden")
+    chunk: int = parameter(16, minimum=1, maximum=100_000, unit="nodes", help="taken from the queue at a time")
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        set_to = PRESETS.get(self.preset, {})
+        faults = [
+            f"stage 'hlod': {key}={values[key]!r} contradicts preset={self.preset!r}, which sets {value!r}"
+            for key, value in set_to.items()
+            if key in values and values[key] != value
+        ]
+        if faults:
+            raise PipelineError(faults)
+        for key, value in set_to.items():
+            setattr(self, key, value)
+        # what is needed depends on the parameters, as the guarantee does
+        self.needs = ("hlod",) if self.traversal == "none" else ("hlod", "gl")  # type: ignore[misc]
+
+    @property
+    def guarantee(self) -> Guarantee:
+        """Conservative without queries; with them, simplified meshes may hide what they should not."""
+        return Guarantee.CONSERVATIVE if self.traversal == "none" else Guarantee.APPROXIMATE
+
+    def open(self, snapshot: Snapshot, progress: object) -> None:
+        """Take over the tree."""
+        self._tree: Hlod = snapshot.prepared("hlod", hlod_of)
+
+    def skip(self, frame: Frame) -> str | None:
+        """Nothing to do without a tree that fits the scene."""
+        if not self._tree.triangles.any():
+            return "no drawable can be merged into an HLOD tree"
+        if self._tree.is_stale(frame.snapshot):
+            return "something has moved or changed its color since the HLOD tree was built"
+        return None
+
+    def run(self, frame: Frame) -> None:
+        """Walk the tree, and draw its nodes instead of the rows."""
+        tree = self._tree
+        measures = Measures(tree, frame, self.alpha)
+        before = frame.previous.find(HlodCut) if frame.previous is not None else None
+        if before is not None and before.tree is not tree:
+            before = None
+        if self.traversal == "none":
+            cut = self._without_queries(frame, measures)
+        else:
+            cut = self._with_queries(frame, measures, before)
+        frame.put(cut)
+        shown = tree.rows_of(cut.nodes, frame.snapshot.n)
+        candidates = tree.covered & frame.visible
+        frame.hide(candidates & ~shown)
+        frame.replace(np.flatnonzero(candidates & shown), tree.table, chosen=cut.nodes)
+        frame.count(drawn_nodes=len(cut.nodes), tested=int(np.count_nonzero(cut.visited)))
+
+    def _without_queries(self, frame: Frame, measures: Measures) -> HlodCut:
+        tree = self._tree
+        nodes = tree.cut((measures.errors <= self.tau) | measures.outside)
+        nodes = nodes[~measures.outside[nodes]]
+        m = len(tree)
+        none = np.zeros(m, bool)
+        return HlodCut(
+            tree, nodes, measures.errors, np.full(m, np.nan), np.full(m, -1, np.int64), none, none, 0, frame.index
+        )
+
+    def _with_queries(self, frame: Frame, measures: Measures, before: HlodCut | None) -> HlodCut:
+        rules = Rules(
+            threshold=self.tau,
+            by_visibility=self.metric == "eps_q",
+            temporal=self.predictor == "temporal" and self.metric == "eps_q",
+            waits=self.traversal == "stop_and_wait",
+            chunk=1 if self.traversal == "stop_and_wait" else self.chunk,
+            trims=self.trim,
+        )
+        with frame.device.guard():
+            walk = Walk(measures, _Asking(frame, self._tree), rules, before)
+            cut = walk.run(frame.index)
+        frame.count(
+            queries=int(np.count_nonzero(cut.samples >= 0)),
+            rarn=walk.rarn,
+            trimmed=walk.trimmed,
+            scheduled=walk.scheduled,
+        )
+        return cut
+
+
+class _Asking:
+    """The device, as a walk sees it: nodes are drawn into a depth target, and their boxes asked against it."""
+
+    def __init__(self, frame: Frame, tree: Hlod) -> None:
+        self._frame, self._tree = frame, tree
+        view = frame.view
+        self._target = frame.device.depth_target(view.width, view.height)
+        others = frame.visible & ~tree.covered
+        # clears the target, too; rows that are no part of the tree hide what is behind them
+        frame.device.draw_depth(self._target, view, frame.snapshot, np.flatnonzero(others), frame.level)
+
+    def draw(self, nodes: Ints) -> None:
+        self._frame.device.draw_depth_of(self._target, self._frame.view, self._tree.table, nodes)
+
+    def issue(self, nodes: Ints) -> Any:
+        return self._frame.device.queries.issue(self._frame.view, self._tree.boxes[:, nodes], self._target)
+
+    def is_ready(self, ticket: Any) -> bool:
+        return bool(self._frame.device.queries.ready(ticket).all())
+
+    def result(self, ticket: Any) -> Ints:
+        answers: Ints = self._frame.device.queries.result(ticket)
+        return answers

@@ -1,0 +1,363 @@
+"""HLOD trees: an octree over a whole scene whose every node has a simplified mesh of all that is below it.
+
+Built as Charalambos (after Gobetti & Marton 2005 and Yoon et al. 2004) describes: split top-down until a leaf has no
+more than some 2000 triangles; simplify bottom-up, each node from the meshes of its children, to as many.
+
+What is promised, and tested:
+
+* *Every leaf is drawn once by any cut.* Each triangle belongs to one leaf, by its middle; nothing is clipped.
+* *No cracks.* The border at which nodes meet is never simplified: two neighbors fit whatever their levels. Edges of a
+  border that the simplification did lose are counted (`HlodReport.broken_edges`). The price is that a node whose border
+  is long has more triangles than asked for.
+* *Errors are bounds.* No point of the original surface is farther from a node's mesh than the node's model error
+  (`scenegraph.meshes.deviation`): measured directly up to `MEASURED` triangles; above, the children's error plus the
+  distance from their meshes, which is a bound by the triangle inequality. Corners and middles of the node's triangles
+  are measured the other way, too. A parent's error is never below a child's.
+* *Boxes are nested*, and each encloses its mesh and all meshes below.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.boxes import box_from_bounds
+from ..mesh import Mesh, MeshTable
+from ..progress import Progress, silent
+from .cache import DiskCache
+from .hlod_nodes import MEASURED, NodeMesh, joined, leaf_mesh, simplified
+from .octree import octree
+from .soup import Soup, rows_for_soup, soup_key, soup_of
+
+if TYPE_CHECKING:
+    from ..snapshot import Snapshot
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+#: Triangles of a node.
+TRIANGLES = 2000
+#: Counted up whenever a tree built from the same input would be another one.
+_VERSION = 1
+_ARRAYS = ("parent", "end", "first_leaf", "leaf_rows", "leaf_row_start", "errors", "covered")
+
+
+@dataclass
+class HlodReport:
+    """What building a tree took, and how well it went.
+
+    Attributes
+    ----------
+    seconds : float
+        Build time; of reading, if it came from the cache.
+    from_cache : bool
+    input_triangles, node_triangles : int
+        Of the scene, and of all nodes together.
+    nbytes : int
+        Of the meshes.
+    border_edges, broken_edges : int
+        At which simplified nodes may meet others; and those of them that a neighbor no longer finds.
+    left_out : int
+        Rows with triangles that the tree does not cover: translucent, textured, protected or without a place.
+    """
+
+    seconds: float = 0.0
+    from_cache: bool = False
+    input_triangles: int = 0
+    node_triangles: int = 0
+    nbytes: int = 0
+    border_edges: int = 0
+    broken_edges: int = 0
+    left_out: int = 0
+
+    @property
+    def text(self) -> str:
+        """In one line."""
+        how = "read" if self.from_cache else "built"
+        return (
+            f"{self.input_triangles:,} triangles → {self.node_triangles:,} in all nodes, {self.nbytes / 1e6:.0f} MB, "
+            f"{how} in {self.seconds:.1f} s; {self.broken_edges} of {self.border_edges:,} border edges broken; "
+            f"{self.left_out} drawables left out"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Hlod:
+    """A tree of meshes over the rows of a snapshot; nodes in depth-first order, the root first.
+
+    Attributes
+    ----------
+    parent : (m,) int64
+        -1 for the root.
+    end : (m,) int64
+        One behind the last node below; a subtree is a slice.
+    child_start, children : (m + 1,), (m - 1,) int64
+        ``children[child_start[i]:child_start[i + 1]]`` are those of node i.
+    first_leaf : (m + 1,) int64
+        Number of leaves before each node: those below node i are ``first_leaf[i]`` to ``first_leaf[end[i]]``.
+    leaf_row_start, leaf_rows : (leaves + 1,), (r,) int64
+        Rows that have triangles in each leaf.
+    boxes : (6, m) float64
+        World boxes, components first; nested, and around all meshes below.
+    errors : (m,) float64
+        Bound of the distance from the original surface, in world units; 0 at leaves, never below a child's.
+    triangles : (m,) int64
+    table : MeshTable
+        The mesh of each node, in world coordinates.
+    covered : (n,) bool
+        Rows that the tree stands for.
+    transforms, colors : arrays
+        Of the snapshot when the tree was built.
+    report : HlodReport
+    """
+
+    parent: I64
+    end: I64
+    child_start: I64
+    children: I64
+    first_leaf: I64
+    leaf_row_start: I64
+    leaf_rows: I64
+    boxes: F64
+    errors: F64
+    triangles: I64
+    table: MeshTable
+    covered: NDArray[np.bool_]
+    transforms: F64
+    colors: NDArray[np.float32]
+    report: HlodReport = field(default_factory=HlodReport)
+
+    def __len__(self) -> int:
+        return len(self.parent)
+
+    @property
+    def is_leaf(self) -> NDArray[np.bool_]:
+        """(m,) nodes without children: their meshes are the original triangles."""
+        return np.asarray(self.end == np.arange(1, len(self) + 1))
+
+    def children_of(self, nodes: I64) -> I64:
+        """Children of nodes, one after another."""
+        first, counts = self.child_start[nodes], np.diff(self.child_start)[nodes]
+        ends = np.cumsum(counts)
+        total = int(ends[-1]) if len(ends) else 0
+        return np.asarray(self.children[np.repeat(first - (ends - counts), counts) + np.arange(total)])
+
+    def leaves_of(self, nodes: I64) -> NDArray[np.int64]:
+        """(leaves,) how many of the nodes stand over each leaf: 1 everywhere for a cut through the whole tree."""
+        change = np.zeros(len(self.leaf_row_start), np.int64)
+        np.add.at(change, self.first_leaf[nodes], 1)
+        np.add.at(change, self.first_leaf[self.end[nodes]], -1)
+        return np.asarray(np.cumsum(change)[:-1])
+
+    def rows_of(self, nodes: I64, n: int) -> NDArray[np.bool_]:
+        """(n,) rows with a triangle below one of the nodes."""
+        rows = np.zeros(n, bool)
+        seen = np.repeat(self.leaves_of(nodes) > 0, np.diff(self.leaf_row_start))
+        rows[self.leaf_rows[seen]] = True
+        return rows
+
+    def cut(self, fine_enough: NDArray[np.bool_]) -> I64:
+        """The highest nodes that are fine enough, or leaves: a cut through the tree, ascending.
+
+        Parameters
+        ----------
+        fine_enough : (m,) bool
+        """
+        stop = fine_enough | self.is_leaf
+        nodes = np.zeros(min(len(self), 1), np.int64)
+        found = []
+        while len(nodes):
+            found.append(nodes[stop[nodes]])
+            nodes = self.children_of(nodes[~stop[nodes]])
+        return np.sort(np.concatenate(found)) if found else np.zeros(0, np.int64)
+
+    def is_stale(self, snapshot: Snapshot) -> bool:
+        """Whether what the tree covers has moved or changed its color since it was built."""
+        return not (
+            np.array_equal(self.transforms, snapshot.transforms) and np.array_equal(self.colors, snapshot.colors)
+        )
+
+
+def hlod_of(
+    snapshot: Snapshot,
+    *,
+    triangles: int = TRIANGLES,
+    progress: Progress = silent,
+    cache: DiskCache | None = None,
+) -> Hlod:
+    """The HLOD tree over all rows of a snapshot that can be merged; read from disk if it was built before.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+    triangles : int
+        Most triangles of a leaf; what inner nodes are simplified to.
+    progress : callable, optional
+    cache : DiskCache, optional
+        The usual one by default.
+
+    Raises
+    ------
+    ValueError
+        `triangles` below 4.
+    """
+    if triangles < 4:
+        raise ValueError(f"hlod_of: triangles={triangles}; a node needs at least 4")
+    start = perf_counter()
+    cache = DiskCache() if cache is None else cache
+    covered = rows_for_soup(snapshot)
+    key = cache.key(soup_key(snapshot, covered), _VERSION, {"triangles": triangles})
+    stored = cache.load("hlod", key)
+    made = None
+    if stored is not None:
+        try:
+            made = _unpacked(snapshot, stored)
+        except (KeyError, ValueError, IndexError):
+            cache.forget("hlod", key)
+    if made is None:
+        made, arrays = _built(snapshot, soup_of(snapshot, covered), covered, triangles, progress)
+        cache.store("hlod", key, arrays)
+    made.report.seconds = perf_counter() - start
+    return made
+
+
+def _built(
+    snapshot: Snapshot, soup: Soup, covered: NDArray[np.bool_], most: int, progress: Progress
+) -> tuple[Hlod, dict[str, Any]]:
+    progress("octree", 0.0)
+    tree = octree(soup.vertices[soup.faces].mean(axis=1) if len(soup.faces) else np.zeros((0, 3)), most)
+    count = len(tree)
+    is_leaf = tree.end == np.arange(1, count + 1)
+    first_leaf = np.concatenate([[0], np.cumsum(is_leaf)])
+    meshes: list[NodeMesh | None] = [None] * count
+    errors, bounds = np.zeros(count), np.full((6, count), np.nan)
+    low, high = np.full((3, count), np.inf), np.full((3, count), -np.inf)
+    report = HlodReport(input_triangles=len(soup.faces))
+    below: list[list[int]] = [[] for _ in range(count)]
+    for node in range(1, count):
+        below[int(tree.parent[node])].append(node)
+    work = np.where(is_leaf, 1, tree.last - tree.first)
+    done, total = 0, max(int(work.sum()), 1)
+    # children come after their parents, so backwards each finds its children ready
+    for node in range(count - 1, -1, -1):
+        own = tree.order[tree.first[node] : tree.last[node]]
+        if is_leaf[node]:
+            mesh = leaf_mesh(soup, own)
+        else:
+            parts = joined([meshes[c] for c in below[node]])
+            mesh, step = simplified(parts, most)
+            report.border_edges += step.border_edges
+            report.broken_edges += step.broken_edges
+            least = float(errors[below[node]].max())
+            exact = soup.vertices[soup.faces[own]] if len(own) <= MEASURED else None
+            errors[node] = max(least, mesh.distance_from(exact if exact is not None else parts.corners))
+            if exact is None:
+                errors[node] += least
+        meshes[node] = mesh
+        if len(mesh.faces):
+            low[:, node], high[:, node] = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        low[:, node] = np.minimum(low[:, node], low[:, below[node]].min(axis=1, initial=np.inf))
+        high[:, node] = np.maximum(high[:, node], high[:, below[node]].max(axis=1, initial=-np.inf))
+        done += int(work[node])
+        progress("HLOD tree", done / total)
+    bounds = np.concatenate([low, high])
+    row_start, rows = _rows_by_leaf(soup, tree.order, tree.first[is_leaf], tree.last[is_leaf])
+    arrays: dict[str, Any] = {
+        "parent": tree.parent,
+        "end": tree.end,
+        "first_leaf": first_leaf,
+        "leaf_row_start": row_start,
+        "leaf_rows": rows,
+        "errors": errors,
+        "bounds": bounds,
+        "covered": covered,
+        "origin": soup.origin,
+        "edges": np.array([report.border_edges, report.broken_edges, report.input_triangles]),
+        **_packed([m for m in meshes if m is not None]),
+    }
+    made = _unpacked(snapshot, arrays)
+    made.report.from_cache = False
+    return made, arrays
+
+
+def _rows_by_leaf(soup: Soup, order: I64, first: I64, last: I64) -> tuple[I64, I64]:
+    leaf = np.repeat(np.arange(len(first)), last - first)
+    # leaves are ranges of the order, one after another
+    pair = np.unique(np.stack([leaf, soup.rows[order].astype(np.int64)]), axis=1)
+    start = np.searchsorted(pair[0], np.arange(len(first) + 1))
+    return start.astype(np.int64), pair[1]
+
+
+def _packed(meshes: list[NodeMesh]) -> dict[str, Any]:
+    colors = np.concatenate([m.colors for m in meshes])
+    return {
+        "vertex_start": np.cumsum([0, *(len(m.vertices) for m in meshes)]),
+        "face_start": np.cumsum([0, *(len(m.faces) for m in meshes)]),
+        "vertices": np.concatenate([m.vertices for m in meshes]),
+        "normals": np.concatenate([m.normals for m in meshes]),
+        # one color is one row, not a million
+        "colors": colors[:1] if len(colors) and (colors == colors[0]).all() else colors,
+        "faces": np.concatenate([m.faces for m in meshes]).astype(np.int32),
+    }
+
+
+def _unpacked(snapshot: Snapshot, arrays: dict[str, Any]) -> Hlod:
+    vertex, face = arrays["vertex_start"], arrays["face_start"]
+    parent, end = arrays["parent"], arrays["end"]
+    if arrays["covered"].shape != (snapshot.n,) or len(vertex) != len(parent) + 1 or len(face) != len(parent) + 1:
+        raise ValueError("the stored tree belongs to another scene")
+    one_color = len(arrays["colors"]) <= 1
+    color = tuple(arrays["colors"][0] / 255) if len(arrays["colors"]) == 1 else None
+    normals = arrays["normals"]
+    meshes = []
+    for node in range(len(parent)):
+        v, f = slice(int(vertex[node]), int(vertex[node + 1])), slice(int(face[node]), int(face[node + 1]))
+        meshes.append(
+            Mesh(
+                arrays["vertices"][v] + arrays["origin"],
+                arrays["faces"][f],
+                name=f"hlod {node}",
+                color=color,
+                # all zero where everything below is shaded flat
+                normals=normals[v] if normals[v].any() else None,
+                vertex_colors=None if one_color else arrays["colors"][v],
+            )
+        )
+    table = MeshTable(meshes)
+    with np.errstate(invalid="ignore"):
+        origin = np.tile(arrays["origin"], 2)[:, None]
+        low, high = np.split(arrays["bounds"] + origin, 2)
+        boxes = box_from_bounds(low, high)
+    boxes[:, ~np.isfinite(boxes).all(axis=0)] = np.nan
+    border, broken, given = arrays["edges"].tolist()
+    children = np.argsort(parent[1:], kind="stable") + 1
+    left_out = int(np.count_nonzero(~arrays["covered"] & (snapshot.triangles[0] > 0)))
+    return Hlod(
+        parent=parent,
+        end=end,
+        child_start=np.searchsorted(parent[children], np.arange(len(parent) + 1)).astype(np.int64),
+        children=children.astype(np.int64),
+        first_leaf=arrays["first_leaf"],
+        leaf_row_start=arrays["leaf_row_start"],
+        leaf_rows=arrays["leaf_rows"],
+        boxes=boxes,
+        errors=arrays["errors"],
+        triangles=table.triangles,
+        table=table,
+        covered=arrays["covered"],
+        transforms=snapshot.transforms.copy(),
+        colors=snapshot.colors.copy(),
+        report=HlodReport(
+            from_cache=True,
+            input_triangles=int(given),
+            node_triangles=int(table.triangles.sum()),
+            nbytes=sum(m.nbytes for m in table.meshes),
+            border_edges=int(border),
+            broken_edges=int(broken),
+            left_out=left_out,
+        ),
+    )

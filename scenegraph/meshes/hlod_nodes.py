@@ -1,0 +1,175 @@
+"""Meshes of the nodes of an HLOD tree: cut out of the scene at leaves, simplified from the children's above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .deviation import Surface, surface_deviation
+from .soup import Soup
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+#: Up to so many original triangles a node's error is measured against them; above, against its children's meshes.
+MEASURED = 20_000
+#: By how much the bound of an error may lie above what was found; a tighter one costs more than it saves.
+TOLERANCE = 0.25
+
+
+class NodeMesh(NamedTuple):
+    """Arrays of one mesh.
+
+    Attributes
+    ----------
+    vertices : (v, 3) float64
+        Relative to the origin of the scene.
+    normals : (v, 3) float32
+        Zero where it is shaded flat.
+    colors : (v, 4) uint8
+    faces : (t, 3) int64
+    """
+
+    vertices: F64
+    normals: NDArray[np.float32]
+    colors: NDArray[np.uint8]
+    faces: I64
+
+    @property
+    def corners(self) -> F64:
+        """(t, 3, 3) corners of the triangles."""
+        return np.asarray(self.vertices[self.faces])
+
+    def distance_from(self, triangles: F64) -> float:
+        """Distance between this mesh and other triangles (m, 3, 3).
+
+        From the triangles to the mesh it is a bound for all of their points. The way back, which finds bulges, it is
+        the farthest of the mesh's corners and middles: bounding it, too, takes four times as long, as large triangles
+        have to be cut down to the size of small ones. A mesh of which nothing is left is as far away as the triangles
+        are large.
+        """
+        if not len(triangles):
+            return 0.0
+        if not len(self.faces):
+            return float(np.linalg.norm(np.ptp(triangles.reshape(-1, 3), axis=0)))
+        there = surface_deviation(triangles, Surface(self.corners), tolerance=TOLERANCE).bound
+        points = np.concatenate([self.vertices, self.corners.mean(axis=1)])
+        surface = Surface(triangles)
+        near = surface.near(points, 6)
+        count = near.shape[1]
+        away = surface.distances(np.repeat(points.T, count, axis=1), near.reshape(-1)).reshape(-1, count)
+        return max(there, float(away.min(axis=1).max()))
+
+
+class Step(NamedTuple):
+    """What one simplification did to the border."""
+
+    border_edges: int
+    broken_edges: int
+
+
+def leaf_mesh(soup: Soup, triangles: I64) -> NodeMesh:
+    """The original triangles."""
+    faces = soup.faces[triangles]
+    used, faces = np.unique(faces, return_inverse=True)
+    mesh = NodeMesh(soup.vertices[used], soup.normals[used], soup.colors[used], faces.reshape(-1, 3).astype(np.int64))
+    return _shaded(mesh)
+
+
+def joined(parts: Sequence[NodeMesh | None]) -> NodeMesh:
+    """Meshes side by side."""
+    given = [p for p in parts if p is not None]
+    starts = np.cumsum([0, *(len(p.vertices) for p in given[:-1])])
+    return NodeMesh(
+        np.concatenate([p.vertices for p in given]),
+        np.concatenate([p.normals for p in given]),
+        np.concatenate([p.colors for p in given]),
+        np.concatenate([p.faces + s for p, s in zip(given, starts, strict=True)]),
+    )
+
+
+def simplified(mesh: NodeMesh, most: int) -> tuple[NodeMesh, Step]:
+    """A mesh of at most so many triangles, unless its border has more; the border stays as it is.
+
+    Vertices at the same place are one: the seams between children are no border any more.
+    """
+    from scipy.spatial import cKDTree
+
+    points, faces = _welded(mesh.vertices, mesh.faces)
+    border = _border(points, faces)
+    if len(faces) > most:
+        points, faces = _collapsed(points, faces, most)
+    left = _border(points, faces)
+    broken = len(border - left)
+    tree = cKDTree(mesh.vertices)
+    _, nearest = tree.query(points)
+    nearest = np.asarray(nearest, np.int64)
+    made = NodeMesh(points, mesh.normals[nearest], mesh.colors[nearest], faces)
+    return _shaded(made), Step(len(border), broken)
+
+
+def _collapsed(points: F64, faces: I64, most: int) -> tuple[F64, I64]:
+    # slow to import, and listing the stages does not need it
+    from fast_simplification import simplify
+
+    # a power of two: dividing by it and multiplying by it changes no bit, so that borders of neighbors stay equal
+    scale = 2.0 ** np.ceil(np.log2(float(np.abs(points).max()) or 1.0))
+    out, kept = simplify(
+        np.ascontiguousarray(points / scale),
+        np.ascontiguousarray(faces, np.int32),
+        target_count=most,
+        preserve_border=True,
+    )
+    kept = np.asarray(kept, np.int64)
+    used, kept = np.unique(kept, return_inverse=True)
+    return np.asarray(out, np.float64)[used] * scale, kept.reshape(-1, 3).astype(np.int64)
+
+
+def _welded(vertices: F64, faces: I64) -> tuple[F64, I64]:
+    """Vertices of exactly equal coordinates merged; triangles that have become lines dropped."""
+    # 0.0 and -0.0 are the same place
+    points, index = np.unique(vertices + 0.0, axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces].astype(np.int64)
+    flat: NDArray[np.bool_] = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
+    return points, faces[~flat]
+
+
+def _border(points: F64, faces: I64) -> set[bytes]:
+    """Edges of a single triangle, by the coordinates of their ends."""
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    unique, times = np.unique(edges, axis=0, return_counts=True)
+    ends = points[unique[times == 1]] + 0.0
+    swap = _after(ends[:, 0], ends[:, 1])
+    ends[swap] = ends[swap][:, ::-1]
+    data = np.ascontiguousarray(ends.reshape(-1, 6)).view(np.dtype((np.void, 48))).reshape(-1)
+    return {d.tobytes() for d in data}
+
+
+def _after(a: F64, b: F64) -> NDArray[np.bool_]:
+    """Whether points a come after points b in the order of their coordinates."""
+    after, same = (a > b).T, (a == b).T
+    return np.asarray(after[0] | (same[0] & (after[1] | (same[1] & after[2]))))
+
+
+def _shaded(mesh: NodeMesh) -> NodeMesh:
+    """Where some vertices are smooth and some flat, flat faces get corners of their own, with the face's normal."""
+    flat = np.logical_not(mesh.normals.any(axis=1))
+    if flat.all() or not flat.any():
+        return mesh
+    face_flat = flat[mesh.faces].any(axis=1)
+    alone = mesh.faces[face_flat]
+    a, b, c = mesh.corners[face_flat].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = np.where(length > 0, normal / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
+    count = len(mesh.vertices)
+    faces = mesh.faces.copy()
+    faces[face_flat] = count + np.arange(3 * len(alone)).reshape(-1, 3)
+    vertices = np.concatenate([mesh.vertices, mesh.vertices[alone].reshape(-1, 3)])
+    normals = np.concatenate([mesh.normals, np.repeat(normal, 3, axis=0).astype(np.float32)])
+    colors = np.concatenate([mesh.colors, mesh.colors[alone].reshape(-1, 4)])
+    used, faces = np.unique(faces, return_inverse=True)
+    return NodeMesh(vertices[used], normals[used], colors[used], faces.reshape(-1, 3).astype(np.int64))
