@@ -50,7 +50,7 @@ class ToldWindow(window.ViewerWindow):
         self.turns += 1
         session = self.session
         told = {
-            "id": self.number(), "size": list(self.window.GetSize()), "turns": self.turns, "frames": len(session.history),
+            "id": self.number(), "size": list(self.window.GetSize()), "turns": self.turns,
             "eye": list(session.view.eye), "forward": list(map(float, session.view.forward)),
             "help": self.show_help, "panel": self.show_panel, "hidden": session.show_hidden, "frozen": session.frozen,
             "coloring": session.coloring.name if session.coloring else None, "truth": session.truth,
