@@ -266,7 +266,7 @@ def virtual_display(folder: Path) -> Iterator[str]:
         assert number, f"Xvfb does not start: {(folder / 'display.txt').read_text()}"
         yield f":{number}"
     finally:
-        _end(server)
+        end_process(server)
 
 
 @contextmanager
@@ -284,10 +284,11 @@ def driven(folder: Path, *arguments: str) -> Iterator[DrivenViewer]:
         try:
             yield DrivenViewer(folder, display, process).ready()
         finally:
-            _end(process)
+            end_process(process)
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def end_process(process: subprocess.Popen[bytes]) -> None:
+    """End a process that was started here."""
     if process.poll() is None:
         process.terminate()
         try:
