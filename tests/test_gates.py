@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,8 @@ from scenegraph import (
     hookspecs,
 )
 from scenegraph.compare.suite import PipelineSpec, Quick, SceneSpec, Suite
+from scenegraph.render.device import Device
+from scenegraph.render.window import OffscreenWindow
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -179,7 +182,9 @@ def test_host_knows_no_method_by_name(path):
 
 
 @pytest.mark.parametrize("exponent", [-30, 20])
-@pytest.mark.parametrize("name", STAGES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.gl] if "gl" in s.needs else []) for n, s in STAGES.items()]
+)
 def test_no_stage_depends_on_the_size_of_the_unit(name, exponent):
     """Scaling by a power of two is exact, so one row that changes betrays a constant in world units."""
     stage = STAGES[name]
@@ -209,7 +214,7 @@ class PutsVisibility(Stage):
 
 
 def _drawn(stage: Stage, scale: float) -> np.ndarray:
-    """At which level a stage leaves boxes around the eye and behind a wall that occludes; -1 if it hides them."""
+    """At which level a stage leaves boxes around the eye and behind an occluder; -1 if hidden, 99 if replaced."""
     rng = np.random.default_rng(7)
     levels = [Mesh.box(np.full(3, -half) * scale, np.full(3, half) * scale) for half in (0.5, 0.45)]
     low, high = np.array((6.0, 4.0, -4.0)) * scale, np.array((12.0, 10.0, 8.0)) * scale
@@ -219,10 +224,17 @@ def _drawn(stage: Stage, scale: float) -> np.ndarray:
     scene = Scene(Group(wall, *(Group(*boxes[i : i + 20]) for i in range(0, len(boxes), 20))))
     view = View((0, 0, 0), tuple(np.array((3, 2, 1)) * scale), near=0.5 * scale, far=90.0 * scale)
     before = [PutsVisibility()] if LevelOfVisibility in stage.reads else []
-    with Pipeline([*before, stage]) as pipeline:
+    with ExitStack() as stack:
+        device = None
+        if "gl" in stage.needs:
+            window = stack.enter_context(OffscreenWindow(view.width, view.height))
+            device = stack.enter_context(closing(Device(window)))
+        pipeline = stack.enter_context(Pipeline([*before, stage]))
         snapshot = scene.snapshot()
-        frame = pipeline.open(snapshot).run(view)
-    return np.where(frame.visible, frame.level, np.int64(-1))[np.argsort(snapshot.keys)]
+        frame = pipeline.open(snapshot, device=device).run(view)
+    answers = np.where(frame.visible, frame.level, np.int64(-1))
+    answers[frame.kept() & ~frame.visible] = 99
+    return answers[np.argsort(snapshot.keys)]
 
 
 # Kernels

@@ -22,7 +22,7 @@ from scenegraph.compare.replication import Cell, CountedRun, Laboratory, Plot, R
 from .holes import holes_cells
 
 #: Tessellation of what is drawn, and views per path of it.
-DRAWN_CEILING, DRAWN_FRAMES = 2, 30
+DRAWN_CEILING, DRAWN_FRAMES = 2, 16
 #: Frames over which no pipeline may be slower than frustum culling alone.
 WINDOW = 30
 SIZE = (1024, 768)
@@ -103,7 +103,7 @@ def _counted_suite(scene: _Scene, model: str) -> dict[str, Any]:
     suite = _suite(scene, model, "counted")
     suite["scene"]["options"]["ceiling"] = 20
     return suite | {
-        "frames": 1000,
+        "frames": 50,
         "pipelines": [{"name": name, "stages": text} for name, text in _pipelines(scene).items()],
         "warmup": 1,
         "quick": {"frames": 10},

@@ -96,7 +96,7 @@ class Contestant:
         applied = perf_counter()
         self._window.draw(view)
         end = perf_counter()
-        frame.record.draw_ms = 1e3 * (end - start)
+        draw_ms = frame.record.draw_ms = 1e3 * (end - start)
         if self.spec.vtk_culler:
             frame.visible &= self._drawing.drawn_by_vtk()
             frame.record.visible = int(np.count_nonzero(frame.visible))
@@ -105,7 +105,7 @@ class Contestant:
             frame=frame,
             image=self._window.image(),
             apply_ms=1e3 * (applied - start),
-            draw_ms=frame.record.draw_ms,
+            draw_ms=draw_ms,
         )
 
     def close(self) -> None:
