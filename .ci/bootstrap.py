@@ -4,6 +4,7 @@ Standard library only, because it runs before anything is installed:
 
     python3 .ci/bootstrap.py venv [EXTRA ...]    make .venv and install the package with these extras
     python3 .ci/bootstrap.py gl                  check that OpenGL works; install it where that is allowed
+    python3 .ci/bootstrap.py people              what tests drive the viewer with, as people would: a screen, a browser
 """
 
 import importlib.util
@@ -27,6 +28,8 @@ def main(arguments):
         return make_venv(rest)
     if command == "gl":
         return check_gl()
+    if command == "people":
+        return stand_in_for_people()
     print(__doc__)
     return 2
 
@@ -66,6 +69,17 @@ def check_gl():
     if not report["ok"]:
         return fail("OpenGL still does not work: %s" % report["message"])
     say("OpenGL %s, %s (%s)" % (report["version"], report["renderer"], report["window_class"]))
+    return 0
+
+
+def stand_in_for_people():
+    """Install a virtual screen and a browser where that is allowed; the tests that need them are skipped without."""
+    tools = {"xvfb-run": "xvfb", "xauth": "xauth", "xdotool": "xdotool", "chromium": "chromium"}
+    missing = sorted(package for tool, package in tools.items() if shutil.which(tool) is None)
+    if missing and hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get"):
+        install_debian(missing, "What drives a window or a page")
+    elif missing:
+        say("tests that drive the viewer are skipped; for them, install: %s" % " ".join(missing))
     return 0
 
 

@@ -174,6 +174,10 @@ def view(
     off_screen: Annotated[
         bool, typer.Option("--off-screen", help="Open no window: replay the path, and stop.")
     ] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="Show it in a browser on this machine; needs the extra 'web'.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of --web; 0 takes any that is free.")] = 0,
     size: Annotated[tuple[int, int], typer.Option(metavar="WIDTH HEIGHT", help="Of the window.")] = (1280, 720),
 ) -> None:
     """Walk through a scene and see what every stage hides and costs; h lists the keys."""
@@ -188,6 +192,8 @@ def view(
         movie=movie,
         picture=picture,
         off_screen=off_screen,
+        web=web,
+        port=port,
         size=size,
     )
 

@@ -112,7 +112,7 @@ class Stage(ABC):
         What `run` changes: "visible", "level", "standins", and classes of products that it puts into the frame. Calling
         a method of the frame that is not declared here raises.
     needs : tuple of str
-        Names of preparations, or "gl" for a device.
+        Names of preparations, or "gl" for a device. Where they depend on the parameters, set it in `__init__`.
     guarantee : Guarantee
         A property where it depends on the parameters.
     bound : str
@@ -124,7 +124,7 @@ class Stage(ABC):
     name: ClassVar[str] = ""
     reads: ClassVar[tuple[type, ...]] = ()
     writes: ClassVar[tuple[str | type, ...]] = ("visible",)
-    needs: ClassVar[tuple[str, ...]] = ()
+    needs: tuple[str, ...] = ()
     bound: str = ""
     minimum_candidates: int = 1
 

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,25 @@ import pytest
 
 import scenegraph
 import scenegraph.kernels
-from scenegraph import Geode, Group, Mesh, Occluder, Pipeline, Registry, Scene, Stage, Transform, View, hookspecs
+from scenegraph import (
+    Frame,
+    Geode,
+    Group,
+    LevelOfVisibility,
+    Lod,
+    Mesh,
+    Occluder,
+    Pipeline,
+    Registry,
+    Scene,
+    Stage,
+    Transform,
+    View,
+    hookspecs,
+)
 from scenegraph.compare.suite import PipelineSpec, Quick, SceneSpec, Suite
+from scenegraph.render.device import Device
+from scenegraph.render.window import OffscreenWindow
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -164,7 +182,9 @@ def test_host_knows_no_method_by_name(path):
 
 
 @pytest.mark.parametrize("exponent", [-30, 20])
-@pytest.mark.parametrize("name", STAGES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.gl] if "gl" in s.needs else []) for n, s in STAGES.items()]
+)
 def test_no_stage_depends_on_the_size_of_the_unit(name, exponent):
     """Scaling by a power of two is exact, so one row that changes betrays a constant in world units."""
     stage = STAGES[name]
@@ -173,28 +193,48 @@ def test_no_stage_depends_on_the_size_of_the_unit(name, exponent):
         for p in stage.parameters().values()
         if p.type in (int, float) and p.minimum is not None and p.maximum is not None
     }
-    hides = False
+    changes = False
     for settings in ({}, middle):
-        answers = [_kept(stage(**settings), 2.0**e) for e in (0, exponent)]
-        assert answers[0].any()
+        answers = [_drawn(stage(**settings), 2.0**e) for e in (0, exponent)]
+        assert (answers[0] >= 0).any()
         assert np.array_equal(*answers)
-        hides |= not answers[0].all()
-    assert hides, "neither the defaults nor middling values hide anything here: nothing was tried"
+        changes |= bool(answers[0].any())
+    assert changes, "neither the defaults nor middling values hide or coarsen anything here: nothing was tried"
 
 
-def _kept(stage: Stage, scale: float) -> np.ndarray:
-    """What a stage keeps of boxes around the eye and behind a wall that occludes."""
+class PutsVisibility(Stage):
+    """For stages that read what another one puts."""
+
+    name = "puts_visibility"
+    writes = (LevelOfVisibility,)
+
+    def run(self, frame: Frame) -> None:
+        """All there is, in turn."""
+        frame.put(LevelOfVisibility.of(np.linspace(-1, 1, frame.snapshot.n)))
+
+
+def _drawn(stage: Stage, scale: float) -> np.ndarray:
+    """At which level a stage leaves boxes around the eye and behind an occluder; -1 if hidden, 99 if replaced."""
     rng = np.random.default_rng(7)
-    box = Mesh.box(np.full(3, -0.5) * scale, np.full(3, 0.5) * scale)
+    levels = [Mesh.box(np.full(3, -half) * scale, np.full(3, half) * scale) for half in (0.5, 0.45)]
     low, high = np.array((6.0, 4.0, -4.0)) * scale, np.array((12.0, 10.0, 8.0)) * scale
     wall = Group(Geode(Mesh.box(low, high)), Occluder.box(low, high))
-    boxes = [Transform(Geode(box), translation=p * scale) for p in rng.uniform(-100, 100, (400, 3))]
+    errors = (0, 0.1 * scale)
+    boxes = [Transform(Lod(*levels, errors=errors), translation=p * scale) for p in rng.uniform(-100, 100, (400, 3))]
     scene = Scene(Group(wall, *(Group(*boxes[i : i + 20]) for i in range(0, len(boxes), 20))))
     view = View((0, 0, 0), tuple(np.array((3, 2, 1)) * scale), near=0.5 * scale, far=90.0 * scale)
-    with Pipeline([stage]) as pipeline:
+    before = [PutsVisibility()] if LevelOfVisibility in stage.reads else []
+    with ExitStack() as stack:
+        device = None
+        if "gl" in stage.needs:
+            window = stack.enter_context(OffscreenWindow(view.width, view.height))
+            device = stack.enter_context(closing(Device(window)))
+        pipeline = stack.enter_context(Pipeline([*before, stage]))
         snapshot = scene.snapshot()
-        frame = pipeline.open(snapshot).run(view)
-    return frame.visible[np.argsort(snapshot.keys)]
+        frame = pipeline.open(snapshot, device=device).run(view)
+    answers = np.where(frame.visible, frame.level, np.int64(-1))
+    answers[frame.kept() & ~frame.visible] = 99
+    return answers[np.argsort(snapshot.keys)]
 
 
 # Kernels

@@ -58,15 +58,15 @@ def draw_levels(chain: list[tuple[Mesh, float]], size: tuple[int, int]) -> np.nd
     for i, (mesh, error) in enumerate(chain):
         surface = pv.PolyData.from_regular_faces(mesh.vertices + (2.5 * i, 0, 0), mesh.faces)
         plotter.add_mesh(
-            surface, color=LEVEL_COLORS[min(i, len(LEVEL_COLORS) - 1)], show_edges=i > 1, edge_color="gray"
+            surface, color=LEVEL_COLORS[min(i, len(LEVEL_COLORS) - 1)], show_edges=i > 3, edge_color="gray"
         )
         words = f"{mesh.triangles}" + (f"\n{error / extent:.2%}" if i else "\ntriangles")
         where = (int(size[0] * (2.5 * i + 1.25) / (2.5 * len(chain))) - 35, 4)
         plotter.add_text(words, position=where, font_size=8, color="black")
     plotter.enable_parallel_projection()
     middle = 1.25 * (len(chain) - 1)
-    plotter.camera_position = [(middle, -10, -0.3), (middle, 0, -0.3), (0, 0, 1)]
-    plotter.camera.parallel_scale = 1.25 * len(chain) * size[1] / size[0]
+    plotter.camera_position = [(middle, -10, -0.45), (middle, 0, -0.45), (0, 0, 1)]
+    plotter.camera.parallel_scale = 1.27 * len(chain) * size[1] / size[0]
     image = plotter.screenshot(return_img=True)
     plotter.close()
     return np.asarray(image)
@@ -90,9 +90,9 @@ def draw_frame(frame: Frame, words: str, size: tuple[int, int]) -> np.ndarray:
 
 def levels_picture(chain: list[tuple[Mesh, float]], snapshot: Snapshot) -> Image.Image:
     """Levels above, a field at two limits below."""
-    size = (424, 300)
-    view = View((0, -70, 9), (0, 0, 0), fov=40, width=1280, height=906)
-    rows = [draw_levels(chain, (3 * size[0], 190))]
+    size = (424, 260)
+    view = View((0, -75, 24), (0, -8, 0), fov=40, width=1280, height=785)
+    rows = [draw_levels(chain, (3 * size[0], 230))]
     below = []
     for text, name in (("none", "finest"), ("lod_error(pixels=1)", "pixels=1"), ("lod_error(pixels=4)", "pixels=4")):
         frame = one_frame(snapshot, view, text)
@@ -131,7 +131,7 @@ def stress_curve(snapshot: Snapshot) -> Figure:
     steps = np.linspace(0, 1, 150)
     eyes = np.column_stack([0 * steps, -110 + 110 * steps, 4 + 30 * np.abs(2 * steps - 1) ** 2])
     views = [View(e, e + (0, 40, -6), fov=50) for e in eyes]
-    allowed = 4.0
+    allowed = 2.0
     texts = {
         "lod_error": "frustum | lod_stress(milliseconds=1000, clock=triangles)",
         "lod_stress": f"frustum | lod_stress(milliseconds={allowed}, clock=triangles, gain=0.15, protect=300)",
@@ -160,7 +160,7 @@ def main(folder: Path) -> None:
         sys.stdout.write(f"{coarse.triangles} of {fine.triangles} triangles, error {error:.4f}\n")
     picture = levels_picture(chain, field(chain, 120))
     path = folder / "lod-levels.png"
-    picture.quantize(64, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)
     assert path.stat().st_size < LARGEST, path.stat().st_size
     snapshot = field(chain, 400)
     for name, figure in (("lod-budget", budget_curve(snapshot)), ("lod-stress", stress_curve(snapshot))):

@@ -37,6 +37,9 @@ class Measures:
         ε in pixels; 0 at leaves.
     area : (m,) float64
         α in pixels; NaN where unknown.
+    counts : (m,) bool
+        Nodes whose μ depends on what is in front of them; for the others it is 1: α is at or below a pixel or unknown,
+        as for a box around the eye or across the near plane.
     distance : (m,) float64
         From the eye to the nearest point of each box, in world units.
     """
@@ -47,17 +50,19 @@ class Measures:
         self.outside = box_outside_exact(tree.boxes, view.planes(view.eye), origin=np.asarray(view.eye))
         self.outside |= _dead(tree, frame)
         self.errors = np.where(tree.is_leaf, 0.0, view.error_pixels(tree.errors, tree.boxes))
-        self.area = _area(view, tree.boxes, alpha)
+        exact = _area(view, tree.boxes, "projected")
+        self.area = exact if alpha == "projected" else _area(view, tree.boxes, alpha)
+        # the exact one is not a number where a box cannot be asked
+        self.counts = ~np.isnan(exact) & (self.area > 1.0)
         gap = np.abs(tree.boxes[:3] - np.asarray(view.eye)[:, None]) - tree.boxes[3:]
         self.distance = np.linalg.norm(np.maximum(gap, 0.0), axis=0)
 
     def visibility(self, nodes: Ints, samples: Ints) -> Floats:
         """(k,) μ of nodes of which so many samples are visible."""
-        area = self.area[nodes]
         with np.errstate(invalid="ignore", divide="ignore"):
-            share = samples / area
+            share = np.minimum(samples / self.area[nodes], 1.0)
         # nothing visible is nothing, however small the box is
-        return np.where(samples == 0, 0.0, np.where(area > 1.0, np.minimum(share, 1.0), 1.0))
+        return np.where(samples == 0, 0.0, np.where(self.counts[nodes], share, 1.0))
 
 
 def _area(view: View, boxes: Floats, alpha: Alpha) -> Floats:

@@ -7,7 +7,8 @@ detail, so that the test is ε · (q / α) ≤ τ, with q from the occlusion que
 
 Errata and open points of the text, and what we do about them, are told where they are written: α and μ in `measures`,
 predictions and traversal in `walk`. Section 4.4 prints τ^q = τ · (q / α), which refines the less visible more; from the
-refinement test follows τ^q = τ · (α / q), without bound at q = 0, where nothing is drawn.
+refinement test follows τ^q = τ · (α / q), without bound at q = 0, where nothing is drawn. With `within`, a node has
+three meshes, and the coarsest whose error is at most the τ^q of its last answer is drawn.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ class HlodRefinement(Stage):
 
     name = "hlod"
     writes = ("visible", "standins", HlodCut)
+    needs = ("hlod_tree", "gl")
 
     preset: Literal["none", "CHLOD-eps_q", "CHLOD-eps", "SW-eps_q", "SW-eps"] = parameter(
         "none", help="a configuration of the paper: sets metric, traversal and predictor"
@@ -53,7 +55,10 @@ class HlodRefinement(Stage):
     )
     alpha: Alpha = parameter("projected", help="pixels of a box: exact, or by a cube of the same volume as printed")
     trim: bool = parameter(True, help="leave out of the picture what was drawn by prediction and is then found hidden")
+    within: bool = parameter(False, help="refine within nodes, too: each has three levels of detail")
     chunk: int = parameter(16, minimum=1, maximum=100_000, unit="nodes", help="taken from the queue at a time")
+
+    lag: int = parameter(2, minimum=0, maximum=1000, unit="chunks", help="after which the answer to a query is taken")
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
@@ -68,7 +73,8 @@ class HlodRefinement(Stage):
         for key, value in set_to.items():
             setattr(self, key, value)
         # what is needed depends on the parameters, as the guarantee does
-        self.needs = ("hlod",) if self.traversal == "none" else ("hlod", "gl")  # type: ignore[misc]
+        tree = "hlod_tree_levels" if self.within else "hlod_tree"
+        self.needs = (tree,) if self.traversal == "none" else (tree, "gl")
 
     @property
     def guarantee(self) -> Guarantee:
@@ -77,7 +83,8 @@ class HlodRefinement(Stage):
 
     def open(self, snapshot: Snapshot, progress: object) -> None:
         """Take over the tree."""
-        self._tree: Hlod = snapshot.prepared("hlod", hlod_of)
+        # built by the pipeline, as declared
+        self._tree: Hlod = snapshot.prepared("hlod_tree_levels" if self.within else "hlod_tree", hlod_of)
 
     def skip(self, frame: Frame) -> str | None:
         """Nothing to do without a tree that fits the scene."""
@@ -102,8 +109,23 @@ class HlodRefinement(Stage):
         shown = tree.rows_of(cut.nodes, frame.snapshot.n)
         candidates = tree.covered & frame.visible
         frame.hide(candidates & ~shown)
-        frame.replace(np.flatnonzero(candidates & shown), tree.table, chosen=cut.nodes)
+        frame.replace(np.flatnonzero(candidates & shown), tree.table, chosen=self._meshes(frame, cut))
         frame.count(drawn_nodes=len(cut.nodes), tested=int(np.count_nonzero(cut.visited)))
+
+    def _meshes(self, frame: Frame, cut: HlodCut) -> Ints:
+        """(k,) the mesh of each drawn node: its own, or the coarsest within it whose error is at most τ^q."""
+        tree, nodes = self._tree, cut.nodes
+        if not self.within:
+            return nodes
+        share = np.nan_to_num(cut.share[nodes], nan=1.0) if self.metric == "eps_q" else np.ones(len(nodes))
+        # λ at which ε · μ is τ (section 4.4, corrected); a node that is drawn though hidden may be as coarse as it gets
+        with np.errstate(divide="ignore"):
+            allowed = frame.view.pixels_error(self.tau / share, tree.boxes[:, nodes])
+        fits = tree.level_errors[:, nodes] <= allowed
+        fits[0] = True
+        level = len(fits) - 1 - np.argmax(fits[::-1], axis=0)
+        meshes: Ints = tree.level_mesh[level, nodes]
+        return meshes
 
     def _without_queries(self, frame: Frame, measures: Measures) -> HlodCut:
         tree = self._tree
@@ -122,6 +144,7 @@ class HlodRefinement(Stage):
             temporal=self.predictor == "temporal" and self.metric == "eps_q",
             waits=self.traversal == "stop_and_wait",
             chunk=1 if self.traversal == "stop_and_wait" else self.chunk,
+            lag=0 if self.traversal == "stop_and_wait" else self.lag,
             trims=self.trim,
         )
         with frame.device.guard():
@@ -152,9 +175,6 @@ class _Asking:
 
     def issue(self, nodes: Ints) -> Any:
         return self._frame.device.queries.issue(self._frame.view, self._tree.boxes[:, nodes], self._target)
-
-    def is_ready(self, ticket: Any) -> bool:
-        return bool(self._frame.device.queries.ready(ticket).all())
 
     def result(self, ticket: Any) -> Ints:
         answers: Ints = self._frame.device.queries.result(ticket)

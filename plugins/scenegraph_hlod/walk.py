@@ -10,6 +10,9 @@ predicted μ̂: 1 − s / S from its place s in the queue, or what was measured 
 handled when their answer is there, by the measured μ. A drawn node whose answer says that it needs refinement (RARN in
 Table 1) is taken out of the picture again and its children take its place, drawn without waiting: the paper draws both.
 
+The paper takes an answer as soon as it is there. When that is depends on the clock, and so would what is drawn. Here
+it is taken `lag` chunks later, waiting if need be, so that a run can be repeated bit for bit.
+
 What trimming adds: the picture is drawn after the walk, not during it, so that a node which was drawn by prediction and
 whose query then finds nothing visible need not be in it. Whatever hides it is nearer, and stays or is itself hidden by
 something nearer.
@@ -41,11 +44,8 @@ class Questions(Protocol):
     def issue(self, nodes: Ints) -> Any:
         """Ask how many samples of the boxes of nodes are visible."""
 
-    def is_ready(self, ticket: Any) -> bool:
-        """Whether `result` would not wait."""
-
     def result(self, ticket: Any) -> Ints:
-        """Visible samples of each node of a ticket."""
+        """Visible samples of each node of a ticket; waits for them."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,8 @@ class Rules:
         Stop and wait: nothing is known of the previous frame.
     chunk : int
         Nodes taken from the queue at a time.
+    lag : int
+        Chunks after which an answer is taken.
     trims : bool
         What was drawn by prediction and is found hidden is taken out of the picture again.
     """
@@ -73,6 +75,7 @@ class Rules:
     temporal: bool
     waits: bool
     chunk: int
+    lag: int
     trims: bool
 
 
@@ -167,15 +170,16 @@ class Walk:
             self._asked.append((asked, self.questions.issue(asked)))
 
     def _predicted(self, nodes: Ints) -> Floats:
-        """(k,) μ̂ (section 5.2)."""
+        """(k,) μ̂ (section 5.2); 1 for boxes that will not be asked, whose μ is 1 whatever stands before them."""
         if not self.rules.by_visibility:
             return np.ones(len(nodes))
         if self.rules.temporal:
             share = self.share[nodes]
-            return np.where(np.isnan(share), 1.0, share)
-        if not self.last_scheduled:
-            return np.ones(len(nodes))
-        return np.clip(1.0 - self.place[nodes] / self.last_scheduled, 0.0, 1.0)
+        elif self.last_scheduled:
+            share = np.clip(1.0 - self.place[nodes] / self.last_scheduled, 0.0, 1.0)
+        else:
+            share = np.ones(len(nodes))
+        return np.where(np.isnan(share) | ~self.measures.counts[nodes], 1.0, share)
 
     def _stops(self, nodes: Ints, share: Floats) -> Bools:
         """(k,) where refinement stops: ε · μ ≤ τ, or there is nothing finer."""
@@ -185,8 +189,8 @@ class Walk:
     # -- Algorithm 2 --------------------------------------------------------------------------------------------------
 
     def _answers(self) -> None:
-        """Take what is answered; wait for an answer only if there is nothing else to do."""
-        while self._asked and (self.rules.waits or not len(self._queue) or self.questions.is_ready(self._asked[0][1])):
+        """Take the answers whose time has come; all of them if there is nothing else to do."""
+        while self._asked and (not len(self._queue) or len(self._asked) > self.rules.lag):
             nodes, ticket = self._asked.popleft()
             samples = self.questions.result(ticket)
             share = self.measures.visibility(nodes, samples)

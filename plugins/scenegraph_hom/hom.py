@@ -113,7 +113,7 @@ class Hom(Stage):
                     ["stage 'hom': producer='gl' draws drawables, not declared occluders; use occluders='meshes'"]
                 )
             # what is needed depends on the parameters, as the guarantee does
-            self.needs = ("gl",)  # type: ignore[misc]
+            self.needs = ("gl",)
 
     @property
     def guarantee(self) -> Guarantee:

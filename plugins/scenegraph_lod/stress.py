@@ -1,12 +1,16 @@
 """Levels under stress: a limit of the error that gives way when frames take too long.
 
 The stress filter of SGI's Performer: the load is the time of the last frame over the time that it may take. Within a
-band of loads nothing changes; above it the stress grows by `gain` times the load, up to a cap; below it falls by as
-much, down to none. The views of a group share the largest stress of all. Objects that are large on the screen are
-protected: they are drawn as without stress.
+band of loads nothing changes; above it the stress grows by `gain` times the load, up to a cap; below it falls, down to
+none. The views of a group share the largest stress of all. Objects that are large on the screen are protected: they are
+drawn as without stress.
 
-What we changed: Performer scales switch ranges by the stress, where this doubles the limit of the screen-space error
-for each unit of it, so that equal steps of stress are equal steps of what one sees, whatever the limit is.
+What we changed:
+
+* Performer scales switch ranges by the stress, where this doubles the limit of the screen-space error for each unit of
+  it, so that equal steps of stress are equal steps of what one sees, whatever the limit is.
+* Below the band, Performer's stress falls by `gain` times the load: the less there is to draw, the longer it stays
+  coarse. Here it falls by `gain`.
 
 A filter of measured times cannot be repeated. For a run that can be, `clock="triangles"` takes the time of a frame to
 be proportional to its triangles.
@@ -36,7 +40,7 @@ class LodStress(LevelStage):
     pixels: float = parameter(1.0, minimum=0.0, maximum=1000.0, unit="px", help="largest error without stress")
     low: float = parameter(0.8, minimum=0.0, maximum=10.0, help="load below which stress falls")
     high: float = parameter(1.0, minimum=0.0, maximum=10.0, help="load above which stress grows")
-    gain: float = parameter(0.25, minimum=0.0, maximum=10.0, help="change of stress per load")
+    gain: float = parameter(0.25, minimum=0.0, maximum=10.0, help="growth of stress per load, and fall in a frame")
     most: float = parameter(8.0, minimum=0.0, maximum=30.0, help="cap of the stress; each unit doubles the error")
     protect: float = parameter(
         400.0, minimum=0.0, maximum=100_000.0, unit="px", help="drawables with a larger image are not stressed"
@@ -83,7 +87,7 @@ class LodStress(LevelStage):
             if load > self.high:
                 stress = min(stress + self.gain * load, self.most)
             elif load < self.low:
-                stress = max(stress - self.gain * load, 0.0)
+                stress = max(stress - self.gain, 0.0)
             frame.count(load=load)
         self._stress[frame.view_name] = stress
         if self.group:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scenegraph import OUT, PARTIAL, Batch, Frame
 from scenegraph.kernels.slices import slice_expand
 
-from .history import I64, Mask, QueryHistory
+from .history import I64, NEVER, Mask, QueryHistory
 
 F64 = NDArray[np.float64]
 
@@ -152,8 +152,7 @@ class Asking:
         frame.hide(self.hidden & self.candidates)
         hidden = self.candidates & ~frame.visible
         asked_at = np.where(self.asked, index, before.asked_at)
-        asked_at[~self.candidates] = -1
-        # a row that has come into the frustum and is assumed to be visible has been asked about in no frame yet
+        asked_at[~self.candidates] = NEVER
         boxes = np.concatenate([np.zeros((6, 0)), *self._asked_boxes], axis=1)
         seen = np.concatenate([np.zeros(0, bool), *self._seen])
         history = QueryHistory(

@@ -25,7 +25,7 @@ FLAT = 512
 
 
 def batched(asking: Asking) -> None:
-    """Find what is visible. Rejects are asked about again whenever something new has been drawn."""
+    """Find what is visible. Depth only comes nearer: what is rejected once stays so, what is seen is asked again."""
     frame, boxes = asking.frame, asking.snapshot.boxes
     eye = np.asarray(asking.view.eye)
     asking.draw(np.flatnonzero(asking.was | (asking.candidates & asking.snapshot.protected)))

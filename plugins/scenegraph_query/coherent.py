@@ -100,6 +100,7 @@ class _InOrder:
         self.was: Mask = np.concatenate([visible[tree.end] > visible[tree.first], asking.was])
         #: Rows that were visible and are asked about again on the way.
         self.again: Mask = asking.was & ~asking.assumed & (not retest)
+        self._frames = np.append(np.where(asking.candidates, asking.before.hidden_for, np.iinfo(np.int32).max), 0)
 
     def run(self) -> None:
         while self.heap or self.queue or self.hidden_before:
@@ -151,19 +152,19 @@ class _InOrder:
     def _proxies(self, numbers: I64) -> tuple[F64, I64]:
         """Boxes that stand for nodes and rows: own ones, or those of the children; and where each one's start."""
         opening = self.opening
-        tight = np.flatnonzero(~opening.is_row(numbers))
-        tight = tight[self.schedule.tight[numbers[tight]]]
-        parts = list(numbers[:, None])
-        count = np.ones(len(numbers), np.int64)
-        for i in tight.tolist():
-            parts[i] = opening.below(numbers[i : i + 1])
-            count[i] = len(parts[i])
-        return opening.boxes(np.concatenate(parts)), np.concatenate([[0], np.cumsum(count)])
+        rows = opening.is_row(numbers)
+        tight = ~rows
+        tight[tight] = self.schedule.tight[numbers[tight]]
+        below, owner = opening.below_each(numbers[tight])
+        plain = np.flatnonzero(~tight)
+        owner = np.concatenate([np.flatnonzero(tight)[owner], plain])
+        order = np.argsort(owner, kind="stable")
+        start = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(numbers)))])
+        return opening.boxes(np.concatenate([below, numbers[plain]])[order]), start
 
     def _hidden_for(self, numbers: I64) -> I64:
         """(k,) frames for which nodes and rows have been hidden, of a node all of it that is in the frustum."""
-        tree, nodes = self.asking.tree, self.opening.nodes
-        frames = np.append(np.where(self.asking.candidates, self.asking.before.hidden_for, np.iinfo(np.int32).max), 0)
+        tree, nodes, frames = self.asking.tree, self.opening.nodes, self._frames
         rows = self.opening.is_row(numbers)
         inner = np.where(rows, 0, numbers)
         first = np.where(rows, numbers - nodes, tree.first[inner])
@@ -260,5 +261,9 @@ def multiqueries(keep: F64) -> I64:
         cost = 1 + (1 - np.cumprod(keep[first[-1] :])) * size
         # a query for one node is never followed by others
         cost[0] = 1.0
-        first.append(first[-1] + 1 + int(np.argmax(size / cost)))
+        best = 1 + int(np.argmax(size / cost))
+        if best == 1:
+            # those that follow are even less likely to stay hidden
+            return np.concatenate([first, np.arange(first[-1] + 1, len(keep) + 1)])
+        first.append(first[-1] + best)
     return np.array(first)

@@ -71,11 +71,25 @@ class Opening:
 
     def below(self, nodes: I64, *, but: Mask | None = None) -> I64:
         """Children of nodes, rows of leaves, without those that were hidden before the first question, nor `but`."""
-        leaf = self._is_leaf[nodes]
-        children = slice_expand(self.tree.child_first[nodes[~leaf]], self.tree.child_end[nodes[~leaf]])
-        rows = slice_expand(self.tree.first[nodes[leaf]], self.tree.end[nodes[leaf]])
-        found = np.concatenate([children[self._alive[children]], self.nodes + rows[self.asking.candidates[rows]]])
+        found, _ = self.below_each(nodes)
         return found if but is None else found[~but[found]]
+
+    def below_each(self, nodes: I64) -> tuple[I64, I64]:
+        """The same, and the position in `nodes` of the node that each is below."""
+        tree, leaf = self.tree, self._is_leaf[nodes]
+        parts, owners = [], []
+        for which, first, end, kept, base in (
+            (np.flatnonzero(~leaf), tree.child_first, tree.child_end, self._alive, 0),
+            (np.flatnonzero(leaf), tree.first, tree.end, self.asking.candidates, self.nodes),
+        ):
+            if len(which):
+                starts, ends = first[nodes[which]], end[nodes[which]]
+                found = slice_expand(starts, ends)
+                left = kept[found]
+                parts.append(base + found[left])
+                owners.append(np.repeat(which, ends - starts)[left])
+        none = np.zeros(0, np.int64)
+        return np.concatenate([none, *parts]), np.concatenate([none, *owners])
 
     def mark_asked(self, numbers: I64) -> None:
         """Rows among these have been asked about."""

@@ -59,7 +59,7 @@ class Query(Stage):
     schedule: Literal["2008", "2004"] = parameter(
         "2008", help="coherent: as in CHC++ (2008), or as in CHC (2004), which knows no batch and no period"
     )
-    batch: int = parameter(20, minimum=1, maximum=10_000, help="CHC++: previously hidden nodes asked about together")
+    batch: int = parameter(80, minimum=1, maximum=10_000, help="CHC++: previously hidden nodes asked about together")
     latency: int = parameter(
         8,
         minimum=0,
@@ -71,7 +71,7 @@ class Query(Stage):
     )
     supersample: int = parameter(1, minimum=1, maximum=8, unit="samples", help="of the query buffer per pixel and axis")
     margin: float = parameter(
-        0.5,
+        1.0,
         minimum=0.0,
         maximum=100.0,
         unit="samples",

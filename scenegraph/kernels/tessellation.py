@@ -18,7 +18,7 @@ F64 = NDArray[np.float64]
 
 
 def face_tessellation_count(level: int, /) -> int:
-    """Triangles into which one is cut."""
+    """Triangles into which `face_tessellation` cuts one."""
     return (3 * level * level - level % 2) // 2
 
 

@@ -9,15 +9,16 @@ What is promised, and tested:
 * *No cracks.* The border at which nodes meet is never simplified: two neighbors fit whatever their levels. Edges of a
   border that the simplification did lose are counted (`HlodReport.broken_edges`). The price is that a node whose border
   is long has more triangles than asked for.
-* *Errors are bounds.* No point of the original surface is farther from a node's mesh than the node's model error
-  (`scenegraph.meshes.deviation`): measured directly up to `MEASURED` triangles; above, the children's error plus the
-  distance from their meshes, which is a bound by the triangle inequality. Corners and middles of the node's triangles
-  are measured the other way, too. A parent's error is never below a child's.
+* *Errors are bounds.* No point of the original surface is farther from a node's mesh than the node's model error: the
+  largest error of the children plus the measured distance to their meshes, by the triangle inequality
+  (`scenegraph.meshes.deviation`). Corners and middles of the node's triangles are measured the other way, too. A
+  parent's error is never below a child's.
 * *Boxes are nested*, and each encloses its mesh and all meshes below.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -29,7 +30,7 @@ from ..kernels.boxes import box_from_bounds
 from ..mesh import Mesh, MeshTable
 from ..progress import Progress, silent
 from .cache import DiskCache
-from .hlod_nodes import MEASURED, NodeMesh, joined, leaf_mesh, simplified
+from .hlod_nodes import NodeMesh, joined, leaf_mesh, simplified
 from .octree import octree
 from .soup import Soup, rows_for_soup, soup_key, soup_of
 
@@ -39,11 +40,13 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
+CACHE_KIND = "hlod trees"
 #: Triangles of a node.
 TRIANGLES = 2000
+#: No level within a node has fewer.
+LEAST_TRIANGLES = 32
 #: Counted up whenever a tree built from the same input would be another one.
-_VERSION = 1
-_ARRAYS = ("parent", "end", "first_leaf", "leaf_rows", "leaf_row_start", "errors", "covered")
+_VERSION = 4
 
 
 @dataclass
@@ -107,7 +110,11 @@ class Hlod:
         Bound of the distance from the original surface, in world units; 0 at leaves, never below a child's.
     triangles : (m,) int64
     table : MeshTable
-        The mesh of each node, in world coordinates.
+        The mesh of each node, in world coordinates; then those of the coarser levels within nodes.
+    level_mesh : (L, m) int64
+        Meshes of the levels of each node, finest first; row 0 is the node's own. -1 where a node has fewer.
+    level_errors : (L, m) float64
+        Their model errors; infinite where there is no level.
     covered : (n,) bool
         Rows that the tree stands for.
     transforms, colors : arrays
@@ -126,6 +133,8 @@ class Hlod:
     errors: F64
     triangles: I64
     table: MeshTable
+    level_mesh: I64
+    level_errors: F64
     covered: NDArray[np.bool_]
     transforms: F64
     colors: NDArray[np.float32]
@@ -186,6 +195,7 @@ def hlod_of(
     snapshot: Snapshot,
     *,
     triangles: int = TRIANGLES,
+    levels: int = 1,
     progress: Progress = silent,
     cache: DiskCache | None = None,
 ) -> Hlod:
@@ -196,6 +206,9 @@ def hlod_of(
     snapshot : Snapshot
     triangles : int
         Most triangles of a leaf; what inner nodes are simplified to.
+    levels : int
+        Meshes of each node, at most: its own, and some of a half, a quarter, ... of its triangles for refinement within
+        nodes. Borders are kept in all of them.
     progress : callable, optional
     cache : DiskCache, optional
         The usual one by default.
@@ -203,38 +216,41 @@ def hlod_of(
     Raises
     ------
     ValueError
-        `triangles` below 4.
+        `triangles` below 4, or `levels` below 1.
     """
-    if triangles < 4:
-        raise ValueError(f"hlod_of: triangles={triangles}; a node needs at least 4")
+    if triangles < 4 or levels < 1:
+        raise ValueError(f"hlod_of: triangles={triangles}, levels={levels}; a node has at least 4 and 1")
     start = perf_counter()
     cache = DiskCache() if cache is None else cache
     covered = rows_for_soup(snapshot)
-    key = cache.key(soup_key(snapshot, covered), _VERSION, {"triangles": triangles})
-    stored = cache.load("hlod", key)
+    key = cache.key(soup_key(snapshot, covered), _VERSION, {"triangles": triangles, "levels": levels})
+    stored = cache.load(CACHE_KIND, key)
     made = None
     if stored is not None:
         try:
             made = _unpacked(snapshot, stored)
         except (KeyError, ValueError, IndexError):
-            cache.forget("hlod", key)
+            cache.forget(CACHE_KIND, key)
     if made is None:
-        made, arrays = _built(snapshot, soup_of(snapshot, covered), covered, triangles, progress)
-        cache.store("hlod", key, arrays)
+        made, arrays = _built(snapshot, soup_of(snapshot, covered), covered, (triangles, levels), progress)
+        cache.store(CACHE_KIND, key, arrays)
     made.report.seconds = perf_counter() - start
     return made
 
 
 def _built(
-    snapshot: Snapshot, soup: Soup, covered: NDArray[np.bool_], most: int, progress: Progress
+    snapshot: Snapshot, soup: Soup, covered: NDArray[np.bool_], shape: tuple[int, int], progress: Progress
 ) -> tuple[Hlod, dict[str, Any]]:
+    most, levels = shape
     progress("octree", 0.0)
     tree = octree(soup.vertices[soup.faces].mean(axis=1) if len(soup.faces) else np.zeros((0, 3)), most)
     count = len(tree)
     is_leaf = tree.end == np.arange(1, count + 1)
     first_leaf = np.concatenate([[0], np.cumsum(is_leaf)])
     meshes: list[NodeMesh | None] = [None] * count
-    errors, bounds = np.zeros(count), np.full((6, count), np.nan)
+    extra: list[NodeMesh] = []
+    level_mesh, errors = np.full((levels, count), -1), np.zeros(count)
+    level_errors = np.full((levels, count), np.inf)
     low, high = np.full((3, count), np.inf), np.full((3, count), -np.inf)
     report = HlodReport(input_triangles=len(soup.faces))
     below: list[list[int]] = [[] for _ in range(count)]
@@ -252,19 +268,20 @@ def _built(
             mesh, step = simplified(parts, most)
             report.border_edges += step.border_edges
             report.broken_edges += step.broken_edges
-            least = float(errors[below[node]].max())
-            exact = soup.vertices[soup.faces[own]] if len(own) <= MEASURED else None
-            errors[node] = max(least, mesh.distance_from(exact if exact is not None else parts.corners))
-            if exact is None:
-                errors[node] += least
-        meshes[node] = mesh
-        if len(mesh.faces):
-            low[:, node], high[:, node] = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+            errors[node] = float(errors[below[node]].max()) + step.error
+        meshes[node], level_mesh[0, node], level_errors[0, node] = mesh, node, errors[node]
+        own_levels = [mesh]
+        for level, (coarser, error) in enumerate(_coarser(mesh, levels - 1), 1):
+            level_mesh[level, node], level_errors[level, node] = count + len(extra), errors[node] + error
+            extra.append(coarser)
+            own_levels.append(coarser)
+        points = np.concatenate([m.vertices for m in own_levels])
+        if len(points):
+            low[:, node], high[:, node] = points.min(axis=0), points.max(axis=0)
         low[:, node] = np.minimum(low[:, node], low[:, below[node]].min(axis=1, initial=np.inf))
         high[:, node] = np.maximum(high[:, node], high[:, below[node]].max(axis=1, initial=-np.inf))
         done += int(work[node])
         progress("HLOD tree", done / total)
-    bounds = np.concatenate([low, high])
     row_start, rows = _rows_by_leaf(soup, tree.order, tree.first[is_leaf], tree.last[is_leaf])
     arrays: dict[str, Any] = {
         "parent": tree.parent,
@@ -273,15 +290,31 @@ def _built(
         "leaf_row_start": row_start,
         "leaf_rows": rows,
         "errors": errors,
-        "bounds": bounds,
+        "bounds": np.concatenate([low, high]),
         "covered": covered,
         "origin": soup.origin,
         "edges": np.array([report.border_edges, report.broken_edges, report.input_triangles]),
-        **_packed([m for m in meshes if m is not None]),
+        "level_mesh": level_mesh,
+        "level_errors": level_errors,
+        **_packed([*(m for m in meshes if m is not None), *extra]),
     }
     made = _unpacked(snapshot, arrays)
     made.report.from_cache = False
     return made, arrays
+
+
+def _coarser(mesh: NodeMesh, count: int) -> Iterator[tuple[NodeMesh, float]]:
+    """Levels within a node and their distance from its mesh, each with half the triangles if its border lets it."""
+    error = 0.0
+    for _ in range(count):
+        half = len(mesh.faces) // 2
+        if half < LEAST_TRIANGLES:
+            return
+        coarser, step = simplified(mesh, half)
+        if len(coarser.faces) > 0.75 * len(mesh.faces):
+            return
+        mesh, error = coarser, error + step.error
+        yield mesh, error
 
 
 def _rows_by_leaf(soup: Soup, order: I64, first: I64, last: I64) -> tuple[I64, I64]:
@@ -308,13 +341,14 @@ def _packed(meshes: list[NodeMesh]) -> dict[str, Any]:
 def _unpacked(snapshot: Snapshot, arrays: dict[str, Any]) -> Hlod:
     vertex, face = arrays["vertex_start"], arrays["face_start"]
     parent, end = arrays["parent"], arrays["end"]
-    if arrays["covered"].shape != (snapshot.n,) or len(vertex) != len(parent) + 1 or len(face) != len(parent) + 1:
+    count = int(np.count_nonzero(arrays["level_mesh"] >= 0))
+    if arrays["covered"].shape != (snapshot.n,) or len(vertex) != count + 1 or len(face) != count + 1:
         raise ValueError("the stored tree belongs to another scene")
     one_color = len(arrays["colors"]) <= 1
     color = tuple(arrays["colors"][0] / 255) if len(arrays["colors"]) == 1 else None
     normals = arrays["normals"]
     meshes = []
-    for node in range(len(parent)):
+    for node in range(count):
         v, f = slice(int(vertex[node]), int(vertex[node + 1])), slice(int(face[node]), int(face[node + 1]))
         meshes.append(
             Mesh(
@@ -346,8 +380,10 @@ def _unpacked(snapshot: Snapshot, arrays: dict[str, Any]) -> Hlod:
         leaf_rows=arrays["leaf_rows"],
         boxes=boxes,
         errors=arrays["errors"],
-        triangles=table.triangles,
+        triangles=table.triangles[: len(parent)],
         table=table,
+        level_mesh=arrays["level_mesh"],
+        level_errors=arrays["level_errors"],
         covered=arrays["covered"],
         transforms=snapshot.transforms.copy(),
         colors=snapshot.colors.copy(),

@@ -24,7 +24,8 @@ def scenegraph_register_preparations(register: Callable[[str, Callable[..., Any]
     """Register the host's own preparations."""
     register("levels", levels, "Levels of detail declared in the graph; for drawables without, made from their meshes.")
     register("occluders", occluders, "Occluders declared in the graph; where there are none, fitted into its meshes.")
-    register("hlod", hlod, "A tree of simplified meshes over all drawables that can be merged.")
+    register("hlod_tree", hlod_tree, "A tree of simplified meshes over all drawables that can be merged.")
+    register("hlod_tree_levels", hlod_tree_levels, "The same, with three levels of detail within each node.")
 
 
 def occluders(snapshot: Snapshot, progress: Progress) -> SceneOccluders | None:
@@ -44,11 +45,18 @@ def occluders(snapshot: Snapshot, progress: Progress) -> SceneOccluders | None:
     return found
 
 
-def hlod(snapshot: Snapshot, progress: Progress) -> Hlod:
+def hlod_tree(snapshot: Snapshot, progress: Progress) -> Hlod:
     """Build an HLOD tree over the whole scene, or read it from the cache."""
     from .hlod import hlod_of
 
     return hlod_of(snapshot, progress=progress)
+
+
+def hlod_tree_levels(snapshot: Snapshot, progress: Progress) -> Hlod:
+    """As `hlod_tree`, for refinement within nodes."""
+    from .hlod import hlod_of
+
+    return hlod_of(snapshot, levels=3, progress=progress)
 
 
 def levels(snapshot: Snapshot, progress: Progress) -> SceneLevels:

@@ -91,14 +91,7 @@ class Batch:
 
     def indices(self, chosen: Mask) -> I32:
         """(3 t,) vertex indices of the chosen items. May be a view of `faces`."""
-        if chosen.all():
-            return self.faces.reshape(-1)
-        counts = np.diff(self.first_triangle)
-        picked = counts[chosen]
-        if int(picked.sum()) < _FEW * len(self.faces):
-            return np.take(self.faces, spread(self.first_triangle[:-1][chosen], picked), axis=0).reshape(-1)
-        triangles = self.faces.view(_TRIANGLE).reshape(-1)
-        return triangles[np.repeat(chosen, counts)].view(np.int32)
+        return picked(self.faces, self.first_triangle, chosen)
 
 
 @dataclass
@@ -145,6 +138,26 @@ class Instances:
     def chosen(self, visible: Mask, level: U8) -> Mask:
         """(k,) which items are drawn when rows are `visible` at a `level`."""
         return np.asarray(visible[self.rows] & (level[self.rows] == self.levels))
+
+
+def picked(faces: I32, first_triangle: I64, chosen: Mask) -> I32:
+    """(3 t,) vertex indices of the triangles of the chosen items. May be a view of `faces`.
+
+    Parameters
+    ----------
+    faces : (t, 3) int32
+    first_triangle : (k + 1,) int64
+        Where the triangles of each item start.
+    chosen : (k,) bool
+    """
+    if chosen.all():
+        return faces.reshape(-1)
+    counts = np.diff(first_triangle)
+    some = counts[chosen]
+    if int(some.sum()) < _FEW * len(faces):
+        return np.take(faces, spread(first_triangle[:-1][chosen], some), axis=0).reshape(-1)
+    triangles = faces.view(_TRIANGLE).reshape(-1)
+    return triangles[np.repeat(chosen, counts)].view(np.int32)
 
 
 def spread(first: I64, counts: I64) -> I64:

@@ -1,18 +1,24 @@
-"""Actors that belong to the user: which rows they are, and switching them off for the time of a frame.
+"""Actors that belong to the user: which rows they are, and drawing other things than them for the time of a frame.
 
-With ten thousand actors every Python call per actor counts (0.5 µs, and `vtkActor.GetRedrawMTime` 5 µs and more). So
-the actors are asked as a whole, by the modification time of a `vtkPropAssembly` that nobody draws; their data report
-edits by themselves; and only actors that were switched off in a frame are switched on after it.
+While a frame is drawn, the renderer's list of props holds what is visible, and batches instead of those actors that can
+be drawn together (see `user_batches`); before and after, it holds what the user has put there, in the same order. The
+actors themselves are not touched. With ten thousand of them every Python call per actor counts (0.5 µs, and
+`vtkActor.GetRedrawMTime` 5 µs and more). So they are asked for edits as a whole, by the modification time of a
+`vtkPropAssembly` that nobody draws, and their data report edits by themselves. An actor that is recolored leaves its
+batch.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..scene import Scene
+from .layout import I64
+from .user_batches import UserBatches
 
 if TYPE_CHECKING:
     from ..frame import Frame
@@ -40,6 +46,7 @@ class UserActors:
     def __init__(self, renderer: Any) -> None:
         from vtkmodules.vtkRenderingCore import vtkPropAssembly
 
+        self._renderer = renderer
         self.snapshot = Scene.from_pyvista(renderer).snapshot()
         numbers: dict[str, int] = {}
         self._actors: list[Any] = []
@@ -52,17 +59,21 @@ class UserActors:
                 numbers[address] = len(self._actors)
                 self._actors.append(actor)
             self._actor_of_row[row] = numbers[address]
-        # pyvista's actors look up every attribute in Python; bound methods are looked up once
-        self._off = [a.VisibilityOff for a in self._actors]
-        self._on = [a.VisibilityOn for a in self._actors]
-        self._hidden = np.zeros(len(self._actors), bool)
         self._props = renderer.GetViewProps()
-        self._known_props = self._props.GetMTime()
-        here = self._here()
-        self._count = len(here)
+        self._known_props = self._drawn_props = self._props.GetMTime()
+        #: All that is in the renderer, in the order of drawing, and which actor that is, or -1.
+        self._list: list[Any] = []
+        self._actor_at: I64 = np.zeros(0, np.int64)
+        self._numbers = numbers
+        self._read_list()
         # parts of assemblies are rows, too, but not in the list of the renderer
-        self._expected = here & set(numbers)
+        self._top = np.zeros(len(self._actors), bool)
+        self._top[self._actor_at[self._actor_at >= 0]] = True
+        self._count = len(self._list)
         self.added = 0
+        self._replaced = False
+        self._shown: list[Any] = []
+        self._switched_off: list[Any] = []
         self._watched: Any = vtkPropAssembly()
         for actor in self._actors:
             self._watched.AddPart(actor)
@@ -72,7 +83,17 @@ class UserActors:
         for index, actor in enumerate(self._actors):
             self._listen(index, actor)
         self._states = [_state(a) for a in self._actors]
+        visible = np.array([state[0] for state in self._states], bool)
+        self._batches = UserBatches(self._actors, self._top & visible)
         self._mark = int(self._watched.GetMTime())
+
+    def _read_list(self) -> None:
+        props = self._props
+        self._list = [props.GetItemAsObject(i) for i in range(props.GetNumberOfItems())]
+        at = [self._numbers.get(prop.GetAddressAsString(""), -1) for prop in self._list]
+        self._actor_at = np.array(at, np.int64)
+        # what is translucent, or flat on the screen, is drawn after all that is opaque
+        self._in_order = np.array([p.IsA("vtkActor") and p.GetProperty().GetOpacity() >= 1 for p in self._list], bool)
 
     def _listen(self, index: int, actor: Any) -> None:
         mapper = actor.GetMapper()
@@ -96,6 +117,7 @@ class UserActors:
             thing.RemoveObserver(observer)
         self._observed.clear()
         self._watched = None
+        self._batches.release(self._renderer.GetRenderWindow())
 
     def change(self) -> str:
         """What the snapshot does not know about the actors, or ''.
@@ -103,11 +125,13 @@ class UserActors:
         Actors that were added do not count: they are drawn, and hide nothing that was not hidden before.
         """
         if self._props.GetMTime() != self._known_props:
-            here = self._here()
-            if not self._expected <= here:
+            self._read_list()
+            here = np.zeros(len(self._actors), bool)
+            here[self._actor_at[self._actor_at >= 0]] = True
+            if (self._top & ~here).any():
                 return "actors were removed"
             self._known_props = self._props.GetMTime()
-            self.added = max(len(here) - self._count, 0)
+            self.added = max(len(self._list) - self._count, 0)
         for index, time in self._live.items():
             if (now := int(self._actors[index].GetRedrawMTime())) != time:
                 self._live[index] = now
@@ -118,29 +142,70 @@ class UserActors:
         for index in sorted(self._edited):
             if _state(self._actors[index]) != self._states[index]:
                 return "an actor was moved, hidden or edited"
+            if self._batches.has_changed(index):
+                self._batches.leave(index)
         self._edited.clear()
         self._mark = int(self._watched.GetMTime())
         return ""
 
-    def _here(self) -> set[str]:
-        """Addresses of what is in the renderer."""
-        props = self._props
-        return {props.GetItemAsObject(i).GetAddressAsString("") for i in range(props.GetNumberOfItems())}
-
     def apply(self, frame: Frame) -> None:
-        """Switch off the actors of which no row is visible; stand-ins are not drawn, but what they stand for is."""
+        """Draw the actors of which a row is visible; stand-ins are not drawn, but what they stand for is."""
         wanted = np.zeros(len(self._actors), bool)
         wanted[self._actor_of_row[frame.kept()]] = True
-        self._hidden = ~wanted
-        for switch_off in compress(self._off, self._hidden.tolist()):
-            switch_off()
+        # parts of an assembly, which stays
+        self._switched_off = [self._actors[i] for i in np.flatnonzero(~wanted & ~self._top).tolist()]
+        for actor in self._switched_off:
+            actor.VisibilityOff()
+        # what is not known here is drawn always
+        drawn = np.where(self._actor_at >= 0, wanted[self._actor_at], True)
+        places = np.flatnonzero(drawn & self._in_order)
+        runs = self._batches.runs(self._actor_at[places], self._renderer)
+        if not runs and drawn.all():
+            return
+        for first, end, _ in runs:
+            drawn[places[first:end]] = False
+        shown: list[Any] = []
+        at = 0
+        for first, _, actor in runs:
+            place = int(places[first])
+            shown += compress(self._list[at:place], drawn[at:place].tolist())
+            shown.append(actor)
+            at = place
+        shown += compress(self._list[at:], drawn[at:].tolist())
+        self._replaced = True
+        # not by AddActor and RemoveActor: what is taken out would lose all that is loaded into the GPU
+        self._fill(shown)
+        self._shown, self._drawn_props = shown, self._props.GetMTime()
+
+    def _fill(self, props: list[Any]) -> None:
+        self._props.RemoveAllItems()
+        deque(map(self._props.AddItem, props), maxlen=0)
 
     def restore(self) -> None:
-        """Switch them on again."""
-        for switch_on in compress(self._on, self._hidden.tolist()):
-            switch_on()
-        self._hidden[:] = False
-        self._mark = int(self._watched.GetMTime())
+        """Put everything back."""
+        if self._switched_off:
+            for actor in self._switched_off:
+                actor.VisibilityOn()
+            self._switched_off = []
+            self._mark = int(self._watched.GetMTime())
+        if not self._replaced:
+            return
+        self._replaced = False
+        was = self._props.GetMTime()
+        if was == self._drawn_props:
+            self._fill(self._list)
+            self._known_props = self._props.GetMTime()
+            return
+        # somebody added or removed something while the frame was drawn
+        props = self._props
+        now = [props.GetItemAsObject(i) for i in range(props.GetNumberOfItems())]
+        gone, come = _without(self._shown, now), _without(now, self._shown)
+        self._fill([*_without(self._list, gone), *come])
+
+
+def _without(props: list[Any], others: list[Any]) -> list[Any]:
+    known = {p.GetAddressAsString("") for p in others}
+    return [p for p in props if p.GetAddressAsString("") not in known]
 
 
 def _state(actor: Any) -> tuple[Any, ...]:

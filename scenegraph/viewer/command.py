@@ -35,6 +35,8 @@ def run_view(
     movie: Path | None = None,
     picture: Path | None = None,
     off_screen: bool = False,
+    web: bool = False,
+    port: int = 0,
     size: tuple[int, int] = (1280, 720),
     known: Registry | None = None,
 ) -> None:
@@ -56,6 +58,10 @@ def run_view(
         Write a movie of the replay, or a picture of its first view, and stop.
     off_screen : bool
         Open no window.
+    web : bool
+        Show it in a browser on this machine instead.
+    port : int
+        Where; 0 for any that is free.
 
     Raises
     ------
@@ -70,12 +76,17 @@ def run_view(
     made = parsed(pipelines, known)
     views = find_path(scene, snapshot, path)
     off_screen = off_screen or movie is not None or picture is not None
-    if off_screen or benchmark:
+    if off_screen or benchmark or web:
         from ..render.probe import require_gl
 
         require_gl()
     else:
         _require_display()
+    if web and not (off_screen or benchmark):
+        from .web import WebViewer, WebWindow
+
+        WebViewer(WebWindow(snapshot, made, known, path=views, size=size, record=record)).run(port)
+        return
     from .window import ViewerWindow
 
     window = ViewerWindow(

@@ -67,7 +67,8 @@ class ViewerWindow:
         self.plotter.disable_anti_aliasing()
         self.window: Any = self.plotter.render_window
         self.window.SetMultiSamples(0)
-        self.window.SetWindowName(f"scenegraph - {scene.name}")
+        # shown by pyvista, which has a title of its own otherwise
+        self.plotter.title = f"scenegraph - {scene.name}"
         renderer = self.plotter.renderer
         renderer.SetAutomaticLightCreation(False)
         renderer.AddLight(lamp())

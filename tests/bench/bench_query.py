@@ -31,6 +31,9 @@ KNOWN = sg.Registry(discover=False)
 KNOWN.add(scenegraph_frustum)
 KNOWN.add(scenegraph_query)
 
+#: Walks along the same path.
+WALKS = 3
+
 ORDERS = (
     "query",
     "query(period=1)",
@@ -162,7 +165,7 @@ def timed_gl() -> Iterator[list[float]]:
 def test_orders_of_asking_in_the_city(benchmark: Any, buildings: int, detail: int, size: tuple[int, int]) -> None:
     scene = build(buildings=buildings, detail=detail, views=240)
     snapshot = scene.snapshot()
-    views = [view.resized(*size) for view in scene.paths["street"]][40:70]
+    views = [view.resized(*size) for view in scene.paths["street"]][40:64]
     rows: list[tuple[str, str]] = []
     with ExitStack() as stack:
         window = stack.enter_context(OffscreenWindow(*size))
@@ -181,35 +184,40 @@ def test_orders_of_asking_in_the_city(benchmark: Any, buildings: int, detail: in
 
         pipelines = [sg.Pipeline.parse(f"frustum | {text}", KNOWN).open(snapshot, device=device) for text in ORDERS]
         shape = (len(views), len(ORDERS))
-        whole, asking, drawn, opt = np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(len(views))
+        stage, asking, drawn = (np.full(shape, np.inf) for _ in range(3))
+        opt = np.full(len(views), np.inf)
         queries, kept, lost, lost_finer = (np.zeros(shape, int) for _ in range(4))
         streak, longest = np.zeros((len(ORDERS), snapshot.n), int), np.zeros(len(ORDERS), int)
-        for i, view in enumerate(views):
-            opt[i] = min(draw(exact[i], view) for _ in range(3))
-            for k, pipeline in enumerate(pipelines):
-                spent[0] = 0.0
-                frame = pipeline.run(view)
-                whole[i, k], asking[i, k] = frame.record.stages[1].ms, spent[0] * 1e3
-                drawn[i, k] = min(draw(frame.visible, view) for _ in range(2))
-                queries[i, k], kept[i, k] = frame.record.stages[1].queries, frame.record.visible
-                missing = exact[i] & ~frame.visible
-                lost[i, k], lost_finer[i, k] = missing.sum(), (finer[i] & ~frame.visible).sum()
-                streak[k] = np.where(missing, streak[k] + 1, 0)
-                longest[k] = max(longest[k], streak[k].max())
+        # several walks, and the best time of each view: the machine does other things too
+        for _ in range(WALKS):
+            for i, view in enumerate(views):
+                opt[i] = min(opt[i], draw(exact[i], view))
+                for k, pipeline in enumerate(pipelines):
+                    spent[0] = 0.0
+                    frame = pipeline.run(view)
+                    record = frame.record.stages[1]
+                    if record.ms < stage[i, k]:
+                        stage[i, k], asking[i, k] = record.ms, spent[0] * 1e3
+                    drawn[i, k] = min(drawn[i, k], draw(frame.visible, view))
+                    queries[i, k], kept[i, k] = record.queries, frame.record.visible
+                    missing = exact[i] & ~frame.visible
+                    lost[i, k] = max(lost[i, k], missing.sum())
+                    lost_finer[i, k] = max(lost_finer[i, k], (finer[i] & ~frame.visible).sum())
+                    streak[k] = np.where(missing, streak[k] + 1, 0)
+                    longest[k] = max(longest[k], streak[k].max())
         for pipeline in pipelines:
             pipeline.close()
-    middle = [np.median(a[1:], axis=0) for a in (whole, asking, drawn)]
-    best = np.median(opt[1:])
+    best = opt[1:].mean()
     rows.append(
         ("OPT: drawing exactly what is visible", f"{best:.1f} ms, {np.mean([e.sum() for e in exact]):.0f} rows")
     )
     for k, text in enumerate(ORDERS):
-        stage, gl, draws = (a[k] for a in middle)
+        own, gl, draws = (a[1:, k].mean() for a in (stage, asking, drawn))
         rows.append(
             (
                 text,
-                f"{stage:6.1f} ms, {gl:6.1f} in OpenGL; drawing {draws:6.1f} ms; frame / (OPT + OpenGL) "
-                f"{(stage + draws) / (best + gl):.2f}; frame / OPT {(stage + draws) / best:.2f}; "
+                f"{own:6.1f} ms, {gl:6.1f} in OpenGL; drawing {draws:6.1f} ms; frame / (OPT + OpenGL) "
+                f"{(own + draws) / (best + gl):.2f}; frame / OPT {(own + draws) / best:.2f}; "
                 f"{np.median(queries[1:, k]):.0f} queries; {kept[1:, k].mean():.0f} rows kept; "
                 f"false hides {lost[:, k].sum()} (at 4 x 4 samples {lost_finer[:, k].sum()}), "
                 f"longest missing {longest[k]} frames",

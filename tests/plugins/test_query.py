@@ -336,3 +336,74 @@ def test_random_views_of_a_grid() -> None:
         with opened(snapshot, Query(least=1, **way)) as pipeline:
             for view, visible in zip(views, exact, strict=True):
                 assert not (visible & ~pipeline.run(view).visible).any()
+
+
+def algorithms_1_to_4(device: Device, snapshot: sg.Snapshot, view: sg.View, was: np.ndarray, latency: int) -> list[int]:
+    """The numbers of nodes, and of rows after them, in the order in which CHC gets answers; written down naively."""
+    tree, m = snapshot.tree, len(snapshot.tree)
+    boxes = np.concatenate([tree.boxes, snapshot.boxes], axis=1)
+    planes = view.planes()
+
+    def children(node: int) -> list[int]:
+        below = [*range(tree.child_first[node], tree.child_end[node])]
+        return below or [m + row for row in range(tree.first[node], tree.end[node])]
+
+    def was_visible(node: int) -> bool:
+        return bool(was[node - m]) if node >= m else bool(was[tree.first[node] : tree.end[node]].any())
+
+    def inside(node: int) -> bool:
+        if node < m:
+            return any(inside(child) for child in children(node))
+        low = planes[:, :3] @ boxes[:3, node] + np.abs(planes[:, :3]) @ boxes[3:, node] + planes[:, 3]
+        return bool((low >= 0).all())
+
+    def distance(node: int) -> float:
+        return float(np.linalg.norm(np.maximum(np.abs(boxes[:3, node] - view.eye) - boxes[3:, node], 0)))
+
+    answers: list[int] = []
+    waiting: list[tuple[int, Any, int]] = []
+    ahead = [(0.0, 0)]
+    turn = 0
+    with device.guard():
+        target = device.depth_target(view.width, view.height)
+        target.clear()
+
+        def traverse(node: int) -> None:
+            if node >= m:
+                device.draw_depth(target, view, snapshot, np.array([node - m]), clear=False)
+            else:
+                ahead.extend((distance(child), child) for child in children(node))
+
+        while ahead or waiting:
+            while waiting and (not ahead or turn - waiting[0][2] >= latency):
+                node, ticket, _ = waiting.pop(0)
+                answers.append(node)
+                if device.queries.result(ticket)[0] > 0 and not was_visible(node):
+                    traverse(node)
+            if ahead:
+                ahead.sort()
+                _, node = ahead.pop(0)
+                if not inside(node):
+                    continue
+                turn += 1
+                if not was_visible(node) or node >= m:
+                    ticket = device.queries.issue(view, boxes[:, node : node + 1], target)
+                    waiting.append((node, ticket, turn))
+                if was_visible(node):
+                    traverse(node)
+    return answers
+
+
+@pytest.mark.parametrize("latency", [1, 8])
+def test_chc_asks_what_the_algorithms_ask(latency: int) -> None:
+    snapshot, (first, *_, last) = grid_scene(6).snapshot(), wall_views()
+    boxes = np.concatenate([snapshot.tree.boxes, snapshot.boxes], axis=1)
+    stage = Query(least=1, traversal="coherent", schedule="2004", retest=False, latency=latency, margin=0.0)
+    with opened(snapshot, stage) as pipeline:
+        was = np.zeros(snapshot.n, bool)
+        for view in (first, first, last):
+            history = pipeline.run(view).get(QueryHistory)
+            expected = algorithms_1_to_4(pipeline._device, snapshot, view, was, latency)
+            assert np.array_equal(history.asked_boxes, boxes[:, expected])
+            was = history.visible
+    assert len(expected) > 50

@@ -1,0 +1,456 @@
+"""Many actors of a user drawn by one call, bit for bit as VTK draws them one by one.
+
+VTK spends 50 to 80 µs on each actor that it draws. What it does for an actor is repeated here for a batch: vertices
+are shifted and scaled as `vtkOpenGLVertexBufferObject` does it, the matrices of each actor are multiplied in float64
+and rounded once, as in `vtkOpenGLPolyDataMapper`, and a vertex looks up those of its actor, and its color, in a texture
+of floats. So the same numbers reach the same shader, and not a pixel differs.
+
+Trap: VTK's frustum culler asks a batch for its bounds, and its vertices are in the coordinates of many actors. Two
+triangles without extent give it the bounds of the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..exchange.vtk_data import mapped_colors
+from .actors import borrowed
+from .layout import F32, F64, I32, I64, U8, Mask, picked, spread
+
+#: Actors with more triangles are drawn on their own: a copy of their vertices costs more than a call.
+_HEAVY = 2000
+#: Fewer actors that look alike are not worth a batch.
+_FEWEST = 4
+#: Texels of an item: to the display, to the eye, normals to the eye, color.
+_TEXELS, _PER_LINE = 12, 64
+_FLAT, _SURFACE = 0, 2
+_MAPPERS = ("vtkDataSetMapper", "vtkOpenGLPolyDataMapper", "vtkPolyDataMapper")
+
+_DECLARED = f"""//VTK::Normal::Dec
+in float itemNumber;
+uniform sampler2D itemTable;
+flat out vec4 itemColor;
+vec4 itemTexel(int which)
+{{
+  int item = int(itemNumber);
+  return texelFetch(itemTable, ivec2((item % {_PER_LINE}) * {_TEXELS} + which, item / {_PER_LINE}), 0);
+}}
+"""
+_PLACED = """
+  mat4 itemToDisplay = mat4(itemTexel(0), itemTexel(1), itemTexel(2), itemTexel(3));
+  mat4 itemToEye = mat4(itemTexel(4), itemTexel(5), itemTexel(6), itemTexel(7));
+  itemColor = itemTexel(11);
+  vertexVCVSOutput = itemToEye * vertexMC;
+  gl_Position = itemToDisplay * vertexMC;
+"""
+_TURNED = """
+  mat3 itemNormals = mat3(itemTexel(8).xyz, itemTexel(9).xyz, itemTexel(10).xyz);
+  normalVCVSOutput = itemNormals * normalMC;
+"""
+_RECEIVED = """//VTK::Normal::Dec
+flat in vec4 itemColor;
+"""
+#: Where the last number is 1, the vertices have colors of their own, and VTK has taken those already.
+_COLORED = """//VTK::Color::Impl
+  if (itemColor.a < 0.5)
+  {
+    ambientColor = ambientIntensity * itemColor.rgb;
+    diffuseColor = diffuseIntensity * itemColor.rgb;
+    specularColor = specularIntensity * itemColor.rgb;
+    opacity = opacityUniform;
+  }
+"""
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """A data set as VTK's mapper uploads it.
+
+    Attributes
+    ----------
+    vertices : (v, 3) float32
+    faces : (t, 3) int32
+    normals : (v, 3) float32 or None
+    colors : (v, 4) uint8 or None
+    to_model : (4, 4) float64
+        Undoes the shift and the scale; transposed, as VTK keeps its matrices.
+    low, high : (3,) float64
+    """
+
+    vertices: F32
+    faces: I32
+    normals: F32 | None
+    colors: U8 | None
+    to_model: F64
+    low: F64
+    high: F64
+
+
+def look_of(actor: Any) -> tuple[Any, ...] | None:
+    """What actors must share to be drawn by one call, their color excepted; None for one that is drawn on its own."""
+    style, mapper, keys = actor.GetProperty(), actor.GetMapper(), actor.GetPropertyKeys()
+    if (
+        style.GetRepresentation() != _SURFACE
+        or style.GetOpacity() < 1
+        or style.GetEdgeVisibility()
+        or style.GetVertexVisibility()
+        or style.GetInterpolation() > 2
+        or style.GetNumberOfTextures()
+        or style.GetAmbientColor() != style.GetDiffuseColor()
+        or actor.GetTexture() is not None
+        or actor.GetBackfaceProperty() is not None
+        or actor.GetForceTranslucent()
+        or (keys is not None and keys.GetNumberOfKeys())
+        or actor.GetCoordinateSystem()
+        or actor.GetShaderProperty().GetNumberOfShaderReplacements()
+        or mapper.GetClassName() not in _MAPPERS
+        or mapper.GetClippingPlanes() is not None
+        or mapper.GetResolveCoincidentTopology()
+    ):
+        return None
+    data = mapper.GetInputDataObject(0, 0)
+    if data is None or not data.IsA("vtkPolyData"):
+        return None
+    cells = data.GetCellData()
+    if cells.GetNormals() is not None or data.HasAnyGhostCells() or not _is_plain(mapper, data):
+        return None
+    interpolation, specular = style.GetInterpolation(), style.GetSpecular()
+    if specular and (style.GetSpecularColor() != style.GetDiffuseColor() or mapper.GetScalarVisibility()):
+        return None
+    return (
+        interpolation,
+        interpolation != _FLAT and data.GetPointData().GetNormals() is not None,
+        style.GetAmbient(),
+        style.GetDiffuse(),
+        specular,
+        style.GetSpecularPower(),
+        style.GetLighting(),
+        style.GetBackfaceCulling(),
+        style.GetFrontfaceCulling(),
+    )
+
+
+def _is_plain(mapper: Any, data: Any) -> bool:
+    """Whether a mapper takes the color of the property, or opaque colors that the points have."""
+    if not mapper.GetScalarVisibility():
+        return True
+    points, mode = data.GetPointData(), mapper.GetScalarMode()
+    if mode == 0 and points.GetScalars() is None and data.GetCellData().GetScalars() is None:
+        return True
+    array = (
+        points.GetScalars() if mode in (0, 1) else points.GetArray(mapper.GetArrayName() or "") if mode == 3 else None
+    )
+    if array is None or array.GetClassName() != "vtkUnsignedCharArray" or array.GetNumberOfComponents() not in (3, 4):
+        return False
+    return array.GetNumberOfComponents() == 3 or bool((_numpy(array)[:, 3] == 255).all())
+
+
+def _colors_of(mapper: Any, data: Any) -> U8 | None:
+    colors, _ = mapped_colors(mapper, data) if mapper.GetScalarVisibility() else (None, False)
+    return colors
+
+
+def _array_name(mapper: Any) -> str | None:
+    """Of what gives colors, as different actors may show different arrays of the same data."""
+    return f"{mapper.GetScalarMode()} {mapper.GetArrayName()}" if mapper.GetScalarVisibility() else None
+
+
+def shape_of(data: Any, with_normals: bool, colors: U8 | None) -> _Shape | None:
+    """The triangles of a `vtkPolyData`; None if it is heavy, empty, or has lines or points to draw."""
+    polygons = data.GetPolys()
+    if data.GetNumberOfVerts() or data.GetNumberOfLines() or data.GetNumberOfStrips() or data.GetPoints() is None:
+        return None
+    corners = polygons.GetNumberOfConnectivityIds()
+    if not 0 < corners - 2 * polygons.GetNumberOfCells() <= _HEAVY:
+        return None
+    points = _numpy(data.GetPoints().GetData())
+    if points.dtype.kind != "f" or not np.isfinite(points).all():
+        return None
+    normals = _numpy(data.GetPointData().GetNormals()).astype(np.float32) if with_normals else None
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    to_model = np.eye(4)
+    size, middle = high - low, 0.5 * (high + low)
+    extent, away = float((size * size).sum()), float((middle * middle).sum())
+    if (extent > 0 and (away / extent > 1e6 or abs(np.log10(extent)) > 3)) or (extent == 0 and away > 1e6):
+        scale = 1 / np.where(size > 0, size, 1.0)
+        points = (points - middle) * scale
+        to_model = np.diag([*(1 / scale), 1.0])
+        to_model[3, :3] = middle
+    faces = _fans(_numpy(polygons.GetOffsetsArray()), _numpy(polygons.GetConnectivityArray()))
+    return _Shape(points.astype(np.float32), faces, normals, colors, to_model, low, high)
+
+
+def _fans(offsets: I64, connectivity: I64) -> I32:
+    """(t, 3) polygons divided as VTK divides them: into a fan from their first corner."""
+    sizes = np.diff(offsets)
+    if (sizes == 3).all():
+        return connectivity.reshape(-1, 3).astype(np.int32)
+    counts = np.maximum(sizes - 2, 0)
+    first = np.repeat(offsets[:-1], counts)
+    second = spread(offsets[:-1] + 1, counts)
+    return np.stack([connectivity[first], connectivity[second], connectivity[second + 1]], axis=1).astype(np.int32)
+
+
+class UserBatches:
+    """Batches of the actors of one renderer.
+
+    Parameters
+    ----------
+    actors : sequence of vtkActor
+        In the order in which they are drawn.
+    allowed : (n,) bool
+        Which of them may be in a batch.
+
+    Attributes
+    ----------
+    label : (n,) int64
+        Number of the batch that each actor is in, or -1.
+    """
+
+    def __init__(self, actors: Sequence[Any], allowed: Mask) -> None:
+        self._actors = actors
+        self.label: I64 = np.full(len(actors), -1)
+        self._item: I64 = np.zeros(len(actors), np.int64)
+        self._looks: list[tuple[Any, ...] | None] = [None] * len(actors)
+        groups: dict[tuple[Any, ...], list[int]] = {}
+        shapes: dict[Any, _Shape | None] = {}
+        shape_of_actor: dict[int, _Shape] = {}
+        for index in np.flatnonzero(allowed).tolist():
+            actor = actors[index]
+            look = look_of(actor)
+            if look is None:
+                continue
+            mapper = actor.GetMapper()
+            data = mapper.GetInputDataObject(0, 0)
+            key = (data.GetAddressAsString(""), look[1], _array_name(mapper))
+            if key not in shapes:
+                shapes[key] = shape_of(data, look[1], _colors_of(mapper, data))
+            shape = shapes[key]
+            if shape is not None:
+                groups.setdefault(look, []).append(index)
+                shape_of_actor[index] = shape
+                self._looks[index] = _with_color(look, actor)
+        self._batches: list[_Batch] = []
+        for look, indices in groups.items():
+            if len(indices) >= _FEWEST:
+                self.label[indices] = len(self._batches)
+                self._item[indices] = np.arange(len(indices))
+                members = [actors[i] for i in indices]
+                self._batches.append(_Batch(members, [shape_of_actor[i] for i in indices], look[1]))
+
+    def has_changed(self, index: int) -> bool:
+        """Whether a member does not look as it did when it came."""
+        if self.label[index] < 0:
+            return False
+        look = look_of(self._actors[index])
+        return look is None or _with_color(look, self._actors[index]) != self._looks[index]
+
+    def leave(self, index: int) -> None:
+        """Draw an actor on its own from now on."""
+        self.label[index] = -1
+
+    def runs(self, order: I64, renderer: Any) -> list[tuple[int, int, Any]]:
+        """What is drawn instead of users' actors in the frame that begins.
+
+        Where two surfaces are equally far away, what is drawn last is seen. So a batch is drawn in pieces, between the
+        actors that are not in it.
+
+        Parameters
+        ----------
+        order : (m,) int64
+            Actors that are drawn, one after another; -1 for one that is unknown here.
+        renderer : vtkRenderer
+
+        Returns
+        -------
+        list of (first, end, vtkActor)
+            Each stands for ``order[first:end]``.
+        """
+        labels = np.where(order >= 0, self.label[order], -1)
+        starts = np.flatnonzero(np.concatenate([[True], labels[1:] != labels[:-1]])) if len(order) else order
+        ends = np.append(starts[1:], len(order))
+        lengths = ends - starts
+        long = (lengths >= _FEWEST) & (labels[starts] >= 0)
+        if not long.any():
+            return []
+        camera = renderer.GetActiveCamera()
+        to_eye = _elements(camera.GetModelViewTransformMatrix())
+        to_display = to_eye @ _elements(camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1))
+        together = np.repeat(long, lengths)
+        for number, batch in enumerate(self._batches):
+            mine = order[together & (labels == number)]
+            if len(mine):
+                batch.place(self._item[mine], to_eye, to_display)
+        found = []
+        used = [0] * len(self._batches)
+        for start, end in zip(starts[long].tolist(), ends[long].tolist(), strict=True):
+            number = int(labels[start])
+            found.append((start, end, self._batches[number].run(used[number], self._item[order[start:end]])))
+            used[number] += 1
+        return found
+
+    def release(self, window: Any) -> None:
+        """Give back what is loaded into the GPU."""
+        if window is not None:
+            for batch in self._batches:
+                batch.release(window)
+
+
+class _Batch:
+    """Actors that share a look. Each has a line in the table, and its vertices know which."""
+
+    def __init__(self, actors: Sequence[Any], shapes: Sequence[_Shape], smooth: bool) -> None:
+        from vtkmodules.vtkCommonDataModel import vtkImageData
+        from vtkmodules.vtkRenderingCore import vtkProperty, vtkTexture
+
+        self._smooth, self._n = smooth, len(shapes)
+        models = np.array([_elements(a.GetMatrix()) for a in actors])
+        self._places = np.array([s.to_model for s in shapes]) @ models
+        self._turns = np.linalg.pinv(models[:, :3, :3]).transpose(0, 2, 1) if smooth else None
+        counts = np.array([len(s.vertices) for s in shapes], np.int64)
+        starts = np.cumsum(counts) - counts
+        self._first = np.concatenate([[0], np.cumsum([len(s.faces) for s in shapes], dtype=np.int64)])
+        self._faces = np.concatenate([s.faces for s in shapes])
+        self._faces += np.repeat(starts, np.diff(self._first)).astype(np.int32)[:, None]
+        ends = _world(shapes, models)
+        vertices = np.concatenate([*(s.vertices for s in shapes), ends])
+        self._ends = np.repeat(np.arange(2, dtype=np.int32) + len(vertices) - 2, 3)
+        numbers = np.concatenate([np.repeat(np.arange(self._n), counts), [0, 0]]).astype(np.float32)
+        self._arrays = {"vertices": borrowed(vertices), "itemNumber": borrowed(numbers)}
+        self._arrays["itemNumber"].SetName("itemNumber")
+        if smooth:
+            normals = np.concatenate([*(s.normals for s in shapes if s.normals is not None), 0 * ends])
+            self._arrays["normals"] = borrowed(normals)
+        colored = np.array([s.colors is not None for s in shapes])
+        if colored.any():
+            white = np.full((int(counts.max()), 4), 255, np.uint8)
+            parts = [white[:count] if s.colors is None else s.colors for s, count in zip(shapes, counts, strict=True)]
+            self._arrays["colors"] = borrowed(np.concatenate([*parts, white[:1], white[:1]]))
+        lines = -(-self._n // _PER_LINE)
+        self._table = np.zeros((lines * _PER_LINE, _TEXELS, 4), np.float32)
+        self._table[: self._n, 11, :3] = [a.GetProperty().GetDiffuseColor() for a in actors]
+        self._table[: self._n][colored, 11, 3] = 1
+        self._texels = borrowed(self._table.reshape(-1, 4))
+        self._image = vtkImageData()
+        self._image.SetDimensions(_PER_LINE * _TEXELS, lines, 1)
+        self._image.GetPointData().SetScalars(self._texels)
+        texture = vtkTexture()
+        texture.SetInputData(self._image)
+        texture.SetColorModeToDirectScalars()
+        texture.InterpolateOff()
+        texture.MipmapOff()
+        texture.RepeatOff()
+        self._style = vtkProperty()
+        self._style.DeepCopy(actors[0].GetProperty())
+        self._style.SetTexture("itemTable", texture)
+        self._runs: list[_Run] = []
+        self._seen = b""
+
+    def place(self, items: I64, to_eye: F64, to_display: F64) -> None:
+        """Write the matrices of these items for a view."""
+        seen = to_display.tobytes() + to_eye.tobytes() + items.tobytes()
+        if seen == self._seen:
+            return
+        self._seen = seen
+        places = self._places[items].reshape(-1, 4)
+        self._table[items, 0:4] = (places @ to_display).reshape(-1, 4, 4)
+        self._table[items, 4:8] = (places @ to_eye).reshape(-1, 4, 4)
+        if self._turns is not None:
+            turned = self._turns[items].reshape(-1, 3) @ np.linalg.inv(to_eye[:3, :3]).T
+            self._table[items, 8:11, :3] = turned.reshape(-1, 3, 3)
+        self._texels.Modified()
+        self._image.Modified()
+
+    def run(self, number: int, items: I64) -> Any:
+        """A `vtkActor` that draws these items; the runs of a frame have different numbers."""
+        if number == len(self._runs):
+            self._runs.append(_Run(self._arrays, self._style, self._smooth))
+        run = self._runs[number]
+        key = items.tobytes()
+        if run.key != key:
+            run.key = key
+            chosen = np.zeros(self._n, bool)
+            chosen[items] = True
+            run.show(np.concatenate([self._ends, picked(self._faces, self._first, chosen)]))
+        return run.actor
+
+    def release(self, window: Any) -> None:
+        for run in self._runs:
+            run.actor.ReleaseGraphicsResources(window)
+
+
+class _Run:
+    """Some items of a batch as a `vtkActor`. VTK loads arrays that several mappers share only once."""
+
+    def __init__(self, arrays: dict[str, Any], style: Any, smooth: bool) -> None:
+        from vtkmodules.vtkCommonCore import vtkPoints
+        from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+        from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+        self.key = b""
+        points, data, self._cells = vtkPoints(), vtkPolyData(), vtkCellArray()
+        points.SetData(arrays["vertices"])
+        data.SetPoints(points)
+        data.SetPolys(self._cells)
+        data.GetPointData().AddArray(arrays["itemNumber"])
+        if smooth:
+            data.GetPointData().SetNormals(arrays["normals"])
+        if "colors" in arrays:
+            data.GetPointData().SetScalars(arrays["colors"])
+        mapper: Any = vtkPolyDataMapper()
+        mapper.SetInputData(data)
+        mapper.SetVBOShiftScaleMethod(0)
+        mapper.SetScalarVisibility("colors" in arrays)
+        mapper.SetColorModeToDirectScalars()
+        mapper.MapDataArrayToVertexAttribute("itemNumber", "itemNumber", 0, -1)
+        self.actor: Any = vtkActor()
+        self.actor.SetMapper(mapper)
+        self.actor.SetProperty(style)
+        self.actor.ForceOpaqueOn()
+        self.actor.PickableOff()
+        shader = self.actor.GetShaderProperty()
+        shader.AddVertexShaderReplacement("//VTK::Normal::Dec", True, _DECLARED, False)
+        shader.AddVertexShaderReplacement("//VTK::PositionVC::Impl", True, _PLACED, False)
+        if smooth:
+            shader.AddVertexShaderReplacement("//VTK::Normal::Impl", True, _TURNED, False)
+        shader.AddFragmentShaderReplacement("//VTK::Normal::Dec", True, _RECEIVED, False)
+        shader.AddFragmentShaderReplacement("//VTK::Color::Impl", True, _COLORED, False)
+
+    def show(self, indices: I32) -> None:
+        self._lent = borrowed(indices)
+        self._cells.SetData(3, self._lent)
+        self._cells.Modified()
+
+
+def _with_color(look: tuple[Any, ...], actor: Any) -> tuple[Any, ...]:
+    return (*look, actor.GetProperty().GetDiffuseColor())
+
+
+def _world(shapes: Sequence[_Shape], models: F64) -> F32:
+    """(2, 3) corners of a box around all items."""
+    low, high = np.array([s.low for s in shapes]), np.array([s.high for s in shapes])
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    center = np.einsum("ki,kij->kj", middle, models[:, :3, :3]) + models[:, 3, :3]
+    reach = np.einsum("ki,kij->kj", half, np.abs(models[:, :3, :3]))
+    ends = np.stack([(center - reach).min(axis=0), (center + reach).max(axis=0)])
+    slack = 1e-6 * np.abs(ends).max() + 1e-3 * np.ptp(ends, axis=0).max()
+    return np.asarray(ends + [[-slack], [slack]], np.float32)
+
+
+def _elements(matrix: Any) -> F64:
+    """(4, 4) of a `vtkMatrix4x4`, transposed: VTK multiplies rows from the left."""
+    values = [0.0] * 16
+    matrix.DeepCopy(values, matrix)
+    return np.array(values).reshape(4, 4).T
+
+
+def _numpy(array: Any) -> NDArray[Any]:
+    from vtkmodules.util import numpy_support
+
+    convert: Any = numpy_support.vtk_to_numpy
+    return np.asarray(convert(array))
