@@ -68,6 +68,7 @@ def replicate(laboratory: Laboratory) -> Replication:
         _report_counts(found, scene, counted)
         drawn = laboratory.run(scene.name, _drawn_suite(scene, model))
         _report_times(found, scene, drawn["pipelines"], laboratory)
+        _report_computed(found, scene, counted, laboratory)
     cells, remarks = holes_cells(laboratory, model)
     found.cells += cells
     found.remarks += remarks
@@ -210,3 +211,27 @@ def _report_times(found: Replication, scene: _Scene, pipelines: dict[str, Any], 
             f"{scene.name}: {name} is {verdict} frustum culling alone over {window} frames "
             f"(at most {worst:.2f} × its time; drawn at level {DRAWN_CEILING})."
         )
+
+
+def _report_computed(found: Replication, scene: _Scene, counted: CountedRun, laboratory: Laboratory) -> None:
+    """What a frame would take at level 20: culling as measured there, and triangles at what they cost when drawn."""
+    frames = laboratory.results[scene.name].pipelines["frustum"].frames
+    rate = sum(f.draw_ms for f in frames) / max(sum(f.drawn_triangles for f in frames), 1)
+    times = {
+        name: np.array(path.cull_ms) + rate * np.array(path.triangles, float)
+        for name, path in counted.pipelines.items()
+    }
+    window = min(WINDOW, len(counted.views))
+    base = window_sums(times["frustum"].tolist(), window)
+    table = f"{scene.times}, computed for tessellation level 20 at the rate of level {DRAWN_CEILING}"
+    for name, values in times.items():
+        slowest = float((window_sums(values.tolist(), window) / base).max(initial=0.0))
+        found.cells.append(Cell(table, scene.name, name, "Frame", "ms", None, float(np.median(values))))
+        found.cells.append(
+            Cell(table, scene.name, name, f"Slowest {window} frames to frustum alone", "×", None, slowest)
+        )
+    share = float(np.median(counted.pipelines["HOM+LV"].cull_ms) / np.median(times["HOM+LV"]))
+    found.remarks.append(
+        f"{scene.name}: at level 20 and {1e6 * rate:.0f} ms per million triangles, culling would be {share:.2%} of a "
+        "frame of HOM+LV."
+    )

@@ -29,7 +29,7 @@ def test_every_figure_has_its_numbers(tmp_path: Path, monkeypatch: pytest.Monkey
         by_table.setdefault(cell.table.partition(",")[0], set()).add(cell.row)
     assert set(by_table) == {"Figure 3.1", "Figure 4.6", "Figure 4.7", "Figure 4.9", "Figure 4.10"}
     assert by_table["Figure 3.1"] == {"one large hole", "many small holes"}
-    assert by_table["Figure 4.6"] == {"frustum", "HOM", "HOM+LV"}
+    assert {"frustum", "HOM", "HOM+LV"} <= by_table["Figure 4.6"]
     assert {"HOM as printed", "HOM+LV as printed", "whole scene"} < by_table["Figure 4.7"]
     whole_scene = {c.paper: c.measured for c in found.cells if c.row == "whole scene"}
     assert whole_scene == {294_058_800: 150 * 58_800, 588_058_800: 150 * 58_800}
