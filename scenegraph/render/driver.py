@@ -43,7 +43,7 @@ class Driver:
     background : bool
         Prepare the pipeline in a thread; meanwhile only its leading stages run that need no preparation. Somebody has
         to call `pump`.
-    batches : bool, optional
+    batches : bool
         Draw users' actors that look alike together; see `UserActors`.
     tolerant : bool
         A stage that raises is switched off for good, and `failures` says why. Without, the frame is drawn whole.
@@ -82,7 +82,7 @@ class Driver:
         *,
         drawing: Drawing | None = None,
         background: bool = False,
-        batches: bool | None = None,
+        batches: bool = False,
         tolerant: bool = False,
     ) -> None:
         self.renderer: Any = getattr(target, "renderer", target)

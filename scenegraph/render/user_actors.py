@@ -30,9 +30,8 @@ class UserActors:
     Parameters
     ----------
     renderer : vtkRenderer
-    batches : bool, optional
-        Whether actors that look alike are drawn together. By default where the window is not multisampled: there no
-        pixel has ever differed; with multisampling, one sample of one pixel in a million has.
+    batches : bool
+        Draw actors that look alike together, see `user_batches`.
 
     Attributes
     ----------
@@ -46,7 +45,7 @@ class UserActors:
         The renderer has nothing with triangles in it.
     """
 
-    def __init__(self, renderer: Any, batches: bool | None = None) -> None:
+    def __init__(self, renderer: Any, batches: bool = False) -> None:
         from vtkmodules.vtkRenderingCore import vtkPropAssembly
 
         self._renderer = renderer
@@ -88,7 +87,7 @@ class UserActors:
             self._listen(index, actor)
         self._states = [_state(a) for a in self._actors]
         visible = np.array([state[0] for state in self._states], bool)
-        self._batches = UserBatches(self._actors, self._top & visible)
+        self._batches = UserBatches(self._actors, self._top & visible & self._together)
         self._mark = int(self._watched.GetMTime())
 
     def _read_list(self) -> None:
@@ -163,10 +162,7 @@ class UserActors:
         # what is not known here is drawn always
         drawn = np.where(self._actor_at >= 0, wanted[self._actor_at], True)
         places = np.flatnonzero(drawn & self._in_order)
-        together = self._together
-        if together is None:
-            together = self._renderer.GetRenderWindow().GetMultiSamples() <= 1
-        runs = self._batches.runs(self._actor_at[places], self._renderer) if together else []
+        runs = self._batches.runs(self._actor_at[places], self._renderer) if self._together else []
         if not runs and drawn.all():
             return
         for first, end, _ in runs:

@@ -92,7 +92,8 @@ class ViewerWindow:
         renderer.AddObserver("StartEvent", self._fit, 10.0)
         self.window.AddObserver("EndEvent", lambda *_: self.session.finished())
         if self.home is None:
-            self.plotter.reset_camera()
+            # obliquely from above, whichever way is up
+            self.plotter.view_vector((1.0, 1.0, 1.0), viewup=scene.up)
             self.home = self.session.walker.fitted(View.from_vtk(renderer.GetActiveCamera(), *size))
         self.session.view = self.home
 
