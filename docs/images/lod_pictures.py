@@ -18,7 +18,7 @@ from PIL import Image
 
 from scenegraph import Frame, Group, Lod, Mesh, Pipeline, Scene, Snapshot, Transform, View
 from scenegraph.meshes import level_chain
-from scenegraph.viewer.colorings import LEVEL_COLORS
+from scenegraph.viewer.colorings import level_colors
 
 INK, RED, BLUE = "0.35", "#c0392b", "#2c6fbb"
 #: Bytes of a picture in the docs.
@@ -57,9 +57,7 @@ def draw_levels(chain: list[tuple[Mesh, float]], size: tuple[int, int]) -> np.nd
     extent = float(np.ptp(chain[0][0].bounds, axis=0).max())
     for i, (mesh, error) in enumerate(chain):
         surface = pv.PolyData.from_regular_faces(mesh.vertices + (2.5 * i, 0, 0), mesh.faces)
-        plotter.add_mesh(
-            surface, color=LEVEL_COLORS[min(i, len(LEVEL_COLORS) - 1)], show_edges=i > 3, edge_color="gray"
-        )
+        plotter.add_mesh(surface, color=level_colors(len(chain))[i], show_edges=i > 3, edge_color="gray")
         words = f"{mesh.triangles}" + (f"\n{error / extent:.2%}" if i else "\ntriangles")
         where = (int(size[0] * (2.5 * i + 1.25) / (2.5 * len(chain))) - 35, 4)
         plotter.add_text(words, position=where, font_size=8, color="black")
@@ -76,11 +74,12 @@ def draw_frame(frame: Frame, words: str, size: tuple[int, int]) -> np.ndarray:
     """What a frame leaves, in the colors of the levels."""
     plotter = pv.Plotter(off_screen=True, window_size=size)
     snapshot = frame.snapshot
+    colors = level_colors(len(snapshot.triangles))
     for row in np.flatnonzero(frame.visible):
         mesh = snapshot.meshes[frame.mesh_index()[row]]
         surface = pv.PolyData.from_regular_faces(mesh.vertices, mesh.faces)
         surface = surface.transform(snapshot.transforms[snapshot.transform_index[row]], inplace=False)
-        plotter.add_mesh(surface, color=LEVEL_COLORS[min(int(frame.level[row]), len(LEVEL_COLORS) - 1)])
+        plotter.add_mesh(surface, color=colors[frame.level[row]])
     frame.view.to_vtk(plotter.camera)
     plotter.add_text(words, position=(6, size[1] - 24), font_size=9, color="black")
     image = plotter.screenshot(return_img=True)

@@ -38,7 +38,7 @@ class HlodRefinement(Stage):
 
     name = "hlod"
     writes = ("visible", "standins", HlodCut)
-    needs = ("hlod_tree", "gl")
+    needs: tuple[str, ...] = ("hlod_tree", "gl")
 
     preset: Literal["none", "CHLOD-eps_q", "CHLOD-eps", "SW-eps_q", "SW-eps"] = parameter(
         "none", help="a configuration of the paper: sets metric, traversal and predictor"

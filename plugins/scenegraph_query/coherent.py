@@ -107,7 +107,7 @@ class _InOrder:
             while self.queue and (not self.heap or self._is_ready()):
                 self._process(self.queue.popleft())
             if self.heap:
-                self._visit(*heapq.heappop(self.heap))
+                self._advance()
             if self.hidden_before and (not self.heap or len(self.hidden_before) >= self.schedule.batch):
                 self._ask_hidden()
 
@@ -117,7 +117,8 @@ class _InOrder:
             return self.turn - asked.turn >= self.schedule.latency
         return bool(self.asking.queries.ready(asked.ticket).all())
 
-    def _visit(self, distance: float, number: int) -> None:
+    def _advance(self) -> None:
+        _, number = heapq.heappop(self.heap)
         self.turn += 1
         if not self.was[number]:
             self.hidden_before.append(number)
@@ -214,11 +215,16 @@ class _Ahead(_InOrder):
             self._issue(again, np.arange(len(again) + 1))
             self._process(self.queue.popleft())
 
-    def _visit(self, distance: float, number: int) -> None:
-        self.turn += 1
-        self.hidden_before.append(number)
+    def _advance(self) -> None:
+        # as many as come before the next answer is fetched, or the batch is full
+        count = min(self.schedule.batch - len(self.hidden_before), len(self.heap))
+        if self.queue:
+            count = min(count, max(self.queue[0].turn + self.schedule.latency - self.turn, 1))
+        taken = [heapq.heappop(self.heap) for _ in range(count)]
+        self.hidden_before.extend([number for _, number in taken])
+        self.turn += count
         if len(self.hidden_before) >= self.schedule.batch or not self.heap:
-            self._draw_up_to(distance)
+            self._draw_up_to(taken[-1][0])
 
     def _draw_up_to(self, distance: float) -> None:
         end = int(np.searchsorted(self._away, distance, side="right"))

@@ -19,7 +19,7 @@ from scenegraph.kernels.shadow_frusta import box_depth_in_frusta_exact
 from scenegraph.kernels.silhouettes import UNUSED, cone_shadow_rows
 from scenegraph.kernels.slices import slice_expand, slice_padded
 from scenegraph.kernels.solid_angles import angle_solid_triangles
-from scenegraph.kernels.windows import point_outcodes, segment_enters
+from scenegraph.kernels.windows import edge_enters, point_outcodes
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -221,7 +221,7 @@ class Shapes:
             build = self._build if isinstance(self._build, slice) else self._build[which]
             first, last = self._topology.ends[..., build] * len(which) + np.arange(len(which))
             flat = points.reshape(3, -1)
-            enters = segment_enters(flat.take(first, axis=1), flat.take(last, axis=1), window, size=size)
+            enters = edge_enters(flat.take(first, axis=1), flat.take(last, axis=1), window, size=size)
             seen[which] = enters.any(axis=0)
         return seen
 

@@ -88,9 +88,13 @@ class Contestant:
         """Whether its frames are the reference for others."""
         return not self.pipeline.stages and not self.spec.vtk_culler
 
+    def cull(self, view: View, index: int, path: str) -> Frame:
+        """Cull one view without drawing it."""
+        return self.pipeline.run(view, index=index, view_name=path)
+
     def draw(self, view: View, index: int, path: str) -> Drawn:
         """Cull and draw one view."""
-        frame = self.pipeline.run(view, index=index, view_name=path)
+        frame = self.cull(view, index, path)
         start = perf_counter()
         self._drawing.apply(frame)
         applied = perf_counter()

@@ -33,7 +33,7 @@ class Played:
         The pipeline.
     records : list of FrameRecord
     draw_ms : list of float
-        With the time for choosing what is drawn.
+        With the time for choosing what is drawn; not a number for frames that were only culled.
     drawn_objects : list of int
         Rows and meshes of stand-ins.
     pictures : dict of int to (h, w, 3) uint8
@@ -51,8 +51,8 @@ class Played:
 
     @property
     def frame_ms(self) -> list[float]:
-        """Culling and drawing of each frame."""
-        return [r.cull_ms + d for r, d in zip(self.records, self.draw_ms, strict=True)]
+        """Culling and drawing of each frame that was drawn."""
+        return [r.cull_ms + d for r, d in zip(self.records, self.draw_ms, strict=True) if d == d]
 
     def counted(self, stage: str, name: str) -> list[float]:
         """A counter of a stage in each frame; 0 where it did not count, or was skipped."""
@@ -64,7 +64,13 @@ class Played:
 
 
 def play(
-    suite: Suite, known: Registry, *, pictures: Sequence[float] = (), log: FrameLog | None = None, tell: Progress
+    suite: Suite,
+    known: Registry,
+    *,
+    pictures: Sequence[float] = (),
+    every: int = 1,
+    log: FrameLog | None = None,
+    tell: Progress,
 ) -> tuple[dict[str, Played], dict[int, Image]]:
     """Play the paths of a suite with all its pipelines, frame by frame in turns.
 
@@ -75,6 +81,8 @@ def play(
     known : Registry
     pictures : floats in 0..1
         Where along the path pictures are kept.
+    every : int
+        Only each so many-th frame is drawn and timed; all are culled.
     log : FrameLog, optional
     tell : Progress
 
@@ -109,15 +117,19 @@ def play(
             turn = index % len(contestants)
             for contestant in contestants[turn:] + contestants[:turn]:
                 name = contestant.spec.name
-                drawn = contestant.draw(at.view, index, at.path)
-                one = found[name]
-                one.records.append(drawn.frame.record)
-                one.draw_ms.append(drawn.draw_ms)
-                one.drawn_objects.append(drawn.frame.drawn_objects)
-                if index in kept:
-                    one.pictures[index], one.drawn[index] = drawn.image, drawn
+                one, draw_ms = found[name], float("nan")
+                if index % every == 0 or index in kept:
+                    drawn = contestant.draw(at.view, index, at.path)
+                    frame, draw_ms = drawn.frame, drawn.draw_ms
+                    if index in kept:
+                        one.pictures[index], one.drawn[index] = drawn.image, drawn
+                else:
+                    frame = contestant.cull(at.view, index, at.path)
+                one.records.append(frame.record)
+                one.draw_ms.append(draw_ms)
+                one.drawn_objects.append(frame.drawn_objects)
                 if log is not None:
-                    log.append(name, drawn.frame.record, draw_ms=drawn.draw_ms)
+                    log.append(name, frame.record, draw_ms=draw_ms)
             if index in kept and reference is not None:
                 reference.draw(at.view, np.ones(snapshot.n, bool))
                 whole[index] = reference.image()

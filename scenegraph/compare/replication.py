@@ -181,7 +181,7 @@ class Laboratory:
         return self.summaries[scene]
 
     def play(
-        self, scene: str, suite: Mapping[str, Any], *, pictures: Sequence[float] = ()
+        self, scene: str, suite: Mapping[str, Any], *, pictures: Sequence[float] = (), every: int = 1
     ) -> tuple[dict[str, Played], dict[int, NDArray[np.uint8]]]:
         """Play a suite's paths with all its pipelines, without truth; see `scenegraph.compare.playing.play`.
 
@@ -198,6 +198,7 @@ class Laboratory:
                 checked,
                 self.known,
                 pictures=pictures,
+                every=every,
                 log=log,
                 tell=lambda what, share: self._tell(f"{scene}: {what}", share),
             )

@@ -36,7 +36,7 @@ def point_outcodes(points: NDArray[np.float64], planes: NDArray[np.float64], /, 
     return np.asarray((bits @ outside.view(np.uint8)).reshape(points.shape[1:]))
 
 
-def segment_enters(
+def edge_enters(
     start: NDArray[np.float64], end: NDArray[np.float64], planes: NDArray[np.float64], /, *, size: float
 ) -> NDArray[np.bool_]:
     """Which segments surely have a point strictly inside all planes: a part of a millionth of them at least.

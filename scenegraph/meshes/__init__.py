@@ -5,7 +5,8 @@ from __future__ import annotations
 from .cache import DiskCache, cache_folder
 from .fitted import FittedOccluder, FittedOccluders
 from .fitting import fit_occluders
-from .hlod import Hlod, HlodReport, hlod_of
+from .hlod import hlod_of
+from .hlod_tree import Hlod, HlodReport
 from .inner import inner_shell
 from .levels import SceneLevels, levels_for
 from .placing import MeshOccluders, PlacedOccluders, SceneOccluders, occluders_for

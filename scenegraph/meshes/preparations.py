@@ -11,7 +11,7 @@ from ..progress import Progress
 
 if TYPE_CHECKING:
     from ..snapshot import Snapshot
-    from .hlod import Hlod
+    from .hlod_tree import Hlod
     from .levels import SceneLevels
     from .placing import SceneOccluders
 

@@ -182,7 +182,8 @@ class _BatchBuffers(_Buffers):
         self.rows = gl.buffer(np.repeat(batch.rows.astype(np.uint32), np.diff(batch.first_vertex)))
         self.matrix = gl.buffer(reserve=64, dynamic=True)
         self.indices = gl.buffer(reserve=batch.faces.nbytes, dynamic=True)
-        self._few = gl.buffer(reserve=4096, dynamic=True)
+        self._few_bytes = 4096
+        self._few = gl.buffer(reserve=self._few_bytes, dynamic=True)
         self._loaded: Mask | None = None
         self._count = 0
         self.extent = _extent(batch)
@@ -202,10 +203,10 @@ class _BatchBuffers(_Buffers):
         first = self.source.first_triangle
         triangles = spread(first[items], first[items + 1] - first[items])
         indices = np.take(self.source.faces, triangles, axis=0)
-        if indices.nbytes > self._few.size:
-            self._few.orphan(min(2 * indices.nbytes, self.source.faces.nbytes))
-        else:
-            self._few.orphan()
+        # moderngl's `size` does not follow what it orphans
+        if indices.nbytes > self._few_bytes:
+            self._few_bytes = 2 * indices.nbytes
+        self._few.orphan(self._few_bytes)
         self._few.write(indices)
         self._render(program, view, self._few, indices.size)
 

@@ -43,6 +43,8 @@ class Driver:
     background : bool
         Prepare the pipeline in a thread; meanwhile only its leading stages run that need no preparation. Somebody has
         to call `pump`.
+    batches : bool, optional
+        Draw users' actors that look alike together; see `UserActors`.
     tolerant : bool
         A stage that raises is switched off for good, and `failures` says why. Without, the frame is drawn whole.
 
@@ -80,18 +82,19 @@ class Driver:
         *,
         drawing: Drawing | None = None,
         background: bool = False,
+        batches: bool | None = None,
         tolerant: bool = False,
     ) -> None:
         self.renderer: Any = getattr(target, "renderer", target)
         self.pipeline = pipeline
-        self.background, self.tolerant = background, tolerant
+        self.background, self.tolerant, self.batches = background, tolerant, batches
         self.frame: Frame | None = None
         self.held: Frame | None = None
         self.paused = False
         self.off_because = ""
         self.failures: dict[str, str] = {}
         self.heard: list[Callable[[], None]] = []
-        self._subject: Drawing | UserActors = UserActors(self.renderer) if drawing is None else drawing
+        self._subject: Drawing | UserActors = UserActors(self.renderer, batches) if drawing is None else drawing
         self._device: Device | None = None
         self._preparation: Preparation | None = None
         self._interim: Pipeline | None = None
@@ -119,7 +122,7 @@ class Driver:
         if isinstance(self._subject, UserActors):
             self._restore()
             self._subject.forget()
-            self._subject = UserActors(self.renderer)
+            self._subject = UserActors(self.renderer, self.batches)
         self.held = None
 
     def use(self, pipeline: Pipeline) -> None:

@@ -55,9 +55,8 @@ class QueryObjects:
             self._generate(short, names)
             free.extend(names)
             self.made += short
-        taken = free[len(free) - count :]
-        del free[len(free) - count :]
-        return taken
+        # one by one: a ticket may be collected, and give its names back, at any time
+        return [free.pop() for _ in range(count)]
 
     def give_back(self, names: list[int], kind: int) -> None:
         """Let others use them."""

@@ -28,7 +28,7 @@ _HEAVY = 2000
 _FEWEST = 4
 #: Texels of an item: to the display, to the eye, normals to the eye, color.
 _TEXELS, _PER_LINE = 12, 64
-_FLAT, _SURFACE = 0, 2
+_FLAT, _SURFACE, _BYTES = 0, 2, 3
 _MAPPERS = ("vtkDataSetMapper", "vtkOpenGLPolyDataMapper", "vtkPolyDataMapper")
 
 _DECLARED = f"""//VTK::Normal::Dec
@@ -145,7 +145,7 @@ def _is_plain(mapper: Any, data: Any) -> bool:
     array = (
         points.GetScalars() if mode in (0, 1) else points.GetArray(mapper.GetArrayName() or "") if mode == 3 else None
     )
-    if array is None or array.GetClassName() != "vtkUnsignedCharArray" or array.GetNumberOfComponents() not in (3, 4):
+    if array is None or array.GetDataType() != _BYTES or array.GetNumberOfComponents() not in (3, 4):
         return False
     return array.GetNumberOfComponents() == 3 or bool((_numpy(array)[:, 3] == 255).all())
 
@@ -280,7 +280,8 @@ class UserBatches:
             return []
         camera = renderer.GetActiveCamera()
         to_eye = _elements(camera.GetModelViewTransformMatrix())
-        to_display = to_eye @ _elements(camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1))
+        projection = _elements(camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1))
+        to_display = _product(to_eye, projection)
         together = np.repeat(long, lengths)
         for number, batch in enumerate(self._batches):
             mine = order[together & (labels == number)]
@@ -310,7 +311,7 @@ class _Batch:
 
         self._smooth, self._n = smooth, len(shapes)
         models = np.array([_elements(a.GetMatrix()) for a in actors])
-        self._places = np.array([s.to_model for s in shapes]) @ models
+        self._places = _product(np.array([s.to_model for s in shapes]), models)
         self._turns = np.linalg.pinv(models[:, :3, :3]).transpose(0, 2, 1) if smooth else None
         counts = np.array([len(s.vertices) for s in shapes], np.int64)
         starts = np.cumsum(counts) - counts
@@ -357,12 +358,12 @@ class _Batch:
         if seen == self._seen:
             return
         self._seen = seen
-        places = self._places[items].reshape(-1, 4)
-        self._table[items, 0:4] = (places @ to_display).reshape(-1, 4, 4)
-        self._table[items, 4:8] = (places @ to_eye).reshape(-1, 4, 4)
+        places = self._places[items]
+        self._table[items, 0:4] = _product(places, to_display)
+        self._table[items, 4:8] = _product(places, to_eye)
         if self._turns is not None:
-            turned = self._turns[items].reshape(-1, 3) @ np.linalg.inv(to_eye[:3, :3]).T
-            self._table[items, 8:11, :3] = turned.reshape(-1, 3, 3)
+            turned: F64 = np.asarray(np.linalg.inv(to_eye[:3, :3]).T, np.float64)
+            self._table[items, 8:11, :3] = _product(self._turns[items], turned)
         self._texels.Modified()
         self._image.Modified()
 
@@ -447,6 +448,17 @@ def _elements(matrix: Any) -> F64:
     values = [0.0] * 16
     matrix.DeepCopy(values, matrix)
     return np.array(values).reshape(4, 4).T
+
+
+def _product(first: F64, second: F64) -> F64:
+    """Matrices multiplied, and the sums rounded, in the order of `vtkMatrix4x4`: BLAS has another one.
+
+    A last bit in float64 is enough to round a few of a million numbers differently to float32, and to show in a pixel.
+    """
+    out = first[..., :, 0:1] * second[..., 0:1, :]
+    for i in range(1, first.shape[-1]):
+        out = out + first[..., :, i : i + 1] * second[..., i : i + 1, :]
+    return np.asarray(out)
 
 
 def _numpy(array: Any) -> NDArray[Any]:

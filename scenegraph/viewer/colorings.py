@@ -63,14 +63,24 @@ class ByLevel(Overlay):
 
     def colors(self, frame: Frame) -> NDArray[np.float64]:
         """Light gray for the finest level, darker and warmer for coarser ones."""
-        table = np.array(LEVEL_COLORS)
-        return np.column_stack([table[np.minimum(frame.level, len(table) - 1)], frame.visible])
+        table = level_colors(int(frame.snapshot.level_count.max(initial=1)))
+        return np.column_stack([table[frame.level], frame.visible])
 
     def legend(self, frame: Frame) -> list[tuple[str, Color]]:
-        """The levels that the scene has."""
+        """The levels that the scene has; of many, some."""
         deepest = int(frame.snapshot.level_count.max(initial=1))
-        last = len(LEVEL_COLORS) - 1
-        return [(f"level {i}{'+' if i == last < deepest - 1 else ''}", LEVEL_COLORS[i]) for i in range(min(deepest, 6))]
+        table = level_colors(deepest)
+        shown = np.unique(np.linspace(0, deepest - 1, min(deepest, len(LEVEL_COLORS))).astype(int)).tolist()
+        return [(f"level {i}", (float(table[i, 0]), float(table[i, 1]), float(table[i, 2]))) for i in shown]
+
+
+def level_colors(count: int) -> NDArray[np.float64]:
+    """(count, 3) colors of so many levels: those of the table, or spread between its first and last."""
+    table = np.array(LEVEL_COLORS)
+    if count <= len(table):
+        return table[:count]
+    at = np.linspace(0, len(table) - 1, count)
+    return np.stack([np.interp(at, np.arange(len(table)), table[:, k]) for k in range(3)], axis=1)
 
 
 class Boxes(Overlay):

@@ -23,8 +23,8 @@ _TURN_MS, _TURN_S = 20, 0.012
 class PlotterCulling:
     """Culling of a plotter's own meshes.
 
-    Nothing in the plotter changes but what is drawn of it: actors that a stage hides are switched off between the
-    start and the end of a frame, and never otherwise. Picking, bounds, widgets and whatever else looks at the actors
+    Nothing in the plotter changes but what is drawn of it: between the start and the end of a frame, and never
+    otherwise, the renderer holds what the stages leave. Picking, bounds, widgets and whatever else looks at the actors
     find them as they were.
 
     Parameters
@@ -46,7 +46,7 @@ class PlotterCulling:
         self._timer: int | None = None
         self._observer: int | None = None
 
-    def enable(self, pipeline: str, *, background: bool | None = None) -> None:
+    def enable(self, pipeline: str, *, background: bool | None = None, batches: bool | None = None) -> None:
         """Cull every subplot that has something to cull; what was enabled before is replaced.
 
         Parameters
@@ -56,6 +56,9 @@ class PlotterCulling:
         background : bool, optional
             Prepare stages while the window is alive already. By default in interactive plotters: what is drawn off
             screen waits for the preparation.
+        batches : bool, optional
+            Draw actors that look alike, but for place, shape and color, by one call. By default where the window is not
+            multisampled.
 
         Raises
         ------
@@ -71,7 +74,7 @@ class PlotterCulling:
         why: SceneError | None = None
         for renderer, own in zip(self._plotter.renderers, made, strict=True):
             try:
-                self._drivers.append(Driver(renderer, own, background=live, tolerant=True))
+                self._drivers.append(Driver(renderer, own, background=live, batches=batches, tolerant=True))
             except SceneError as error:
                 # a subplot with nothing but a chart or a legend
                 why = error

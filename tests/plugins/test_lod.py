@@ -306,3 +306,32 @@ def test_moving_a_scale_moves_the_error():
         small.snapshot.sync()
         large = pipeline.run(view())
     assert large.level[0] < small.level[0]
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("pixels", [1.0, 4.0, 12.0])
+def test_nothing_in_the_picture_moves_farther_than_the_limit(pixels):
+    """The outlines of what is drawn, against those of the finest levels."""
+    from scipy.ndimage import distance_transform_edt
+
+    from scenegraph.render.drawing import Drawing
+    from scenegraph.render.window import OffscreenWindow
+
+    snapshot, looked = field(60).snapshot(), view(fov=50.0)
+    covered = []
+    with OffscreenWindow(looked.width, looked.height, (0.0, 0.0, 1.0)) as window:
+        drawing = Drawing(snapshot, window.renderer)
+        for stages in ([], [LodError(pixels=pixels)]):
+            (frame,) = run(snapshot, [looked], *stages)
+            drawing.apply(frame)
+            window.draw(looked)
+            covered.append((window.image()[..., :3] != (0, 0, 255)).any(axis=2))
+    assert frame.drawn_triangles() < 0.6 * frame.record.stages[0].triangles_before
+    fine, coarse = covered
+    assert fine.mean() > 0.02
+    away = np.where(fine, distance_transform_edt(fine), distance_transform_edt(~fine))[fine != coarse]
+    assert len(away) > 0
+    # pixels are in or out by their centers, on either side of the outline
+    assert away.max() <= pixels + 1.5
+    if pixels > 4:
+        assert away.max() > 2, "it does move"

@@ -7,10 +7,21 @@ import types
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from scenegraph import Group, Registry, Scene, ScenegraphError, View, hookimpl
-from scenegraph.compare.replication import Cell, Laboratory, Replication, number, replicate, tables_of
+from scenegraph.compare.replication import (
+    Cell,
+    Laboratory,
+    Picture,
+    Plot,
+    Replication,
+    likeness,
+    number,
+    replicate,
+    tables_of,
+)
 from scenegraph.testing import box_at
 
 
@@ -107,3 +118,58 @@ def test_tables_keep_the_order_of_the_cells_and_leave_gaps() -> None:
 )
 def test_numbers_are_short(value: float | None, text: str) -> None:
     assert number(value) == text
+
+
+def played(laboratory: Laboratory) -> Replication:
+    """Play a path, and bring home a plot and a picture."""
+    suite = {
+        "name": "toy",
+        "scene": {"name": "two"},
+        "width": 64,
+        "height": 48,
+        "frames": 3,
+        "pipelines": [{"name": "none"}, {"name": "other"}],
+    }
+    found, whole = laboratory.play("two", suite, pictures=(0.0, 1.0), every=2)
+    assert sorted(whole) == [0, 2]
+    for one in found.values():
+        assert [r.index for r in one.records] == [0, 1, 2]
+        assert one.drawn_objects == [2, 2, 2]
+        # frames in between are culled and not drawn
+        assert [ms == ms for ms in one.draw_ms] == [True, False, True]
+        assert len(one.frame_ms) == 2
+        assert one.counted("nobody", "nothing") == [0, 0, 0]
+        for index, picture in one.pictures.items():
+            assert np.array_equal(picture, whole[index])
+    plot = Plot("Figure 1", "objects", {name: [float(n) for n in one.drawn_objects] for name, one in found.items()})
+    return Replication("toy2001", "A toy", [], plots=[plot], pictures=[Picture("Figure 2", "Two boxes.", whole[0])])
+
+
+@pytest.mark.gl
+def test_paths_are_played_and_plots_and_pictures_shown(known: Registry, tmp_path: Path) -> None:
+    @hookimpl
+    def scenegraph_register_replications(register: Any) -> None:
+        register("toy2001", played, "A toy.")
+
+    plugin = types.ModuleType("more")
+    vars(plugin).update(scenegraph_register_replications=scenegraph_register_replications)
+    known.add(plugin)
+    replicate("toy2001", json_file=str(tmp_path / "found.json"), out=tmp_path / "out", known=known)
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found["plots"][0]["series"] == {"none": [2, 2, 2], "other": [2, 2, 2]}
+    page = (tmp_path / "out" / "replication.html").read_text()
+    for text in ("Figure 1", "<svg", "Figure 2", "Two boxes.", "data:image/png"):
+        assert text in page
+    assert (tmp_path / "out" / "picture-1.png").exists()
+    lines = (tmp_path / "out" / "two" / "played.csv").read_text().splitlines()
+    assert len(lines) == 1 + 2 * 3
+
+
+def test_likeness_of_pictures() -> None:
+    one = np.random.default_rng(0).integers(0, 255, (32, 32, 3)).astype(np.uint8)
+    other = np.clip(one.astype(int) + 9, 0, 255).astype(np.uint8)
+    same, near = likeness(one, one), likeness(other, one)
+    assert same["SNR"] == float("inf")
+    assert same["SSIM"] == 1
+    assert 10 < near["SNR"] < 40
+    assert 0.5 < near["SSIM"] < 1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenegraph import View
-from scenegraph.kernels.windows import point_outcodes, segment_enters
+from scenegraph.kernels.windows import edge_enters, point_outcodes
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-9, 1e11])
@@ -34,7 +34,7 @@ def test_segments_that_enter_have_points_inside(rng, scale):
     view = View((0, 0, 0), (0, 0, -1), fov=40.0, near=scale, far=9 * scale)
     planes = view.planes(view.eye)[:4]
     start, end = rng.uniform(-10, 10, (2, 3, 500)) * scale
-    enters = segment_enters(start, end, planes, size=10 * scale)
+    enters = edge_enters(start, end, planes, size=10 * scale)
     along = start + (end - start) * np.linspace(0, 1, 2001)[:, None, None]
     distance = np.einsum("pi,tik->tpk", planes[:, :3], along) + planes[:, 3][:, None]
     found = (distance > 0).all(axis=1)
@@ -49,4 +49,4 @@ def test_segments_at_the_border_do_not_enter():
     start = np.array([[-1.0, 0, -1, np.nan, -1], [1, 0, 0, 1, 1], [0, 0, 0, 0, 0]])
     end = np.array([[1.0, 1, 1, 1, 1], [-1, 0, 0, 1, 1], [0, 0, 0, 0, 0]])
     # through the corner, along a side, along a side from without, not a number, and truly
-    assert segment_enters(start, end, planes, size=1.0).tolist() == [False, False, False, False, True]
+    assert edge_enters(start, end, planes, size=1.0).tolist() == [False, False, False, False, True]

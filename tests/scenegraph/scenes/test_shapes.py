@@ -169,7 +169,8 @@ def test_the_built_in_scenes_register_through_the_hook() -> None:
     registry = Registry(discover=False)
     registry.add(scenes)
     assert not registry.failures
-    assert set(registry.scenes) == {"city", "olympia", "scatter"}
+    bunnies = {"bunnies-5001", "bunnies-10001"}
+    assert set(registry.scenes) == {"city", "olympia", "scatter", "foliage", "inspection"} | bunnies
     for entry in registry.scenes.values():
         assert entry.summary.endswith(".")
         assert all(o.kind is inspect.Parameter.KEYWORD_ONLY for o in entry.options.values())
