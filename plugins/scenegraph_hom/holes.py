@@ -65,7 +65,11 @@ def holes_cells(laboratory: Laboratory, model: str) -> tuple[list[Cell], list[st
         }
         values |= _errors(snapshot, view, row, level[name], "its own level")
         values |= _errors(snapshot, view, row, level["tree"], "the tree's level")
-        cells += [Cell(TABLE, SCENE, label, column, unit, None, value) for (column, unit), value in values.items()]
+        # a line for each quantity: eleven columns fit on no screen
+        cells += [
+            Cell(TABLE, SCENE, f"{what}, {unit}" if unit else what, label, "", None, value)
+            for (what, unit), value in values.items()
+        ]
     more = seen["tree"][0] / max(seen["wall"][0], 1)
     remark = (
         f"Figure 3.1: behind small holes {more:.2f} × as many pixels can be seen as through the large one, and the "
