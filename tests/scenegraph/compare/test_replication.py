@@ -173,3 +173,6 @@ def test_likeness_of_pictures() -> None:
     assert same["SSIM"] == 1
     assert 10 < near["SNR"] < 40
     assert 0.5 < near["SSIM"] < 1
+    pytest.importorskip("flip_evaluator", reason="needs the extra 'quality'")
+    assert same["FLIP"] == 0
+    assert 0 < near["FLIP"] < 0.5
