@@ -29,6 +29,19 @@ def _triple(value: ArrayLike, what: str) -> Triple:
     return (x, y, z)
 
 
+def _unit(vector: Triple) -> Triple:
+    length = math.hypot(*vector)
+    return vector[0] / length, vector[1] / length, vector[2] / length
+
+
+def _minus(a: Triple, b: Triple) -> Triple:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _cross(a: Triple, b: Triple) -> Triple:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
 @dataclass(frozen=True, init=False)
 class View:
     """A camera and the image it draws.
@@ -127,14 +140,14 @@ class View:
     @cached_property
     def axes(self) -> NDArray[np.float64]:
         """(3, 3) rows right, up, back: unit vectors of eye space in world coordinates."""
-        back = np.subtract(self.eye, self.target)
-        back /= np.linalg.norm(back)
-        up = np.asarray(self.up) / np.linalg.norm(self.up)
-        right = np.cross(up, back)
-        if np.linalg.norm(right) < 1e-9:
-            right = np.cross(np.eye(3)[np.argmin(np.abs(back))], back)
-        right /= np.linalg.norm(right)
-        return np.array([right, np.cross(back, right), back])
+        # plain numbers: NumPy takes ten times as long for three of them, and every frame has a new view
+        back = _unit(_minus(self.eye, self.target))
+        right = _cross(_unit(self.up), back)
+        if math.hypot(*right) < 1e-9:
+            least = min(range(3), key=lambda i: abs(back[i]))
+            right = _cross((float(least == 0), float(least == 1), float(least == 2)), back)
+        right = _unit(right)
+        return np.array([right, _cross(back, right), back])
 
     @property
     def forward(self) -> NDArray[np.float64]:
@@ -192,28 +205,29 @@ class View:
         The four side planes of a perspective view pass through the eye: their offset is exactly 0.
         """
         left, right, bottom, top = self.window
+        ends = [(0.0, 0.0, -1.0, -self.near), (0.0, 0.0, 1.0, self.far)]
         if self.is_parallel:
-            sides = np.array([[1, 0, 0, -left], [-1, 0, 0, right], [0, 1, 0, -bottom], [0, -1, 0, top]])
-        else:
-            # v_i x v_(i+1) of the border rays, built from the tangents: no subtraction of far points
-            sides = np.array([[1, 0, left, 0], [-1, 0, -right, 0], [0, 1, bottom, 0], [0, -1, -top, 0]])
-            sides[:, :3] /= np.hypot(1.0, [left, right, bottom, top])[:, None]
-        return np.vstack([sides, [[0, 0, -1, -self.near], [0, 0, 1, self.far]]])
+            return np.array([(1, 0, 0, -left), (-1, 0, 0, right), (0, 1, 0, -bottom), (0, -1, 0, top), *ends], float)
+        # v_i x v_(i+1) of the border rays, built from the tangents: no subtraction of far points
+        a, b, c, d = (1.0 / math.hypot(1.0, tangent) for tangent in (left, right, bottom, top))
+        sides = [(a, 0, a * left, 0), (-b, 0, -b * right, 0), (0, c, c * bottom, 0), (0, -d, -d * top, 0)]
+        return np.array([*sides, *ends], float)
 
     def planes(self, origin: ArrayLike = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
         """(6, 4) frustum planes in world axes relative to `origin`: inside is n·x + d ≥ 0."""
-        normal = self.eye_planes[:, :3] @ self.axes
-        return np.column_stack([normal, self.eye_planes[:, 3] - normal @ self.relative_eye(origin)])
+        out = np.empty((6, 4))
+        out[:, :3] = normal = self.eye_planes[:, :3] @ self.axes
+        out[:, 3] = self.eye_planes[:, 3] - normal @ self.relative_eye(origin)
+        return out
 
     def corners(self, near: float | None = None, far: float | None = None) -> NDArray[np.float64]:
         """(8, 3) world corners of the frustum between two depths: the near four, then the far four."""
         left, right, bottom, top = self.window
-        ring = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
         points = []
         for depth in (self.near if near is None else near, self.far if far is None else far):
-            scale = 1.0 if self.is_parallel else depth
-            points.append(np.column_stack([ring * scale, np.full(4, -depth)]))
-        return np.asarray(np.concatenate(points) @ self.axes + np.asarray(self.eye))
+            k = 1.0 if self.is_parallel else depth
+            points += [(k * x, k * y, -depth) for x, y in ((left, bottom), (right, bottom), (right, top), (left, top))]
+        return np.asarray(np.array(points) @ self.axes + np.asarray(self.eye))
 
     # -- sizes in pixels ------------------------------------------------------------------------------------------
 

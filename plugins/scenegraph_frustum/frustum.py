@@ -31,7 +31,7 @@ class Frustum(Stage):
 
         def classify(batch: Batch) -> NDArray[np.int8]:
             outside = batch.outside(planes)
-            left = np.flatnonzero(~outside)
+            left = (~outside).nonzero()[0]
             outside[left] = batch.outside(around, left)
             verdict = np.where(outside, np.int8(OUT), np.int8(PARTIAL))
             if not batch.is_rows:

@@ -26,7 +26,7 @@ def covered(shapes: Shapes, rows: Floats, good: Bools, most: int) -> Bools:
     Only the first `most` good ones are asked. Of two that hide each other, the one of lower rank goes.
     """
     m, p, _ = rows.shape
-    asked = np.flatnonzero(good)[:most]
+    asked = good.nonzero()[0][:most]
     boxes = np.ones((7, m))
     low, high = shapes.points.min(axis=1), shapes.points.max(axis=1)
     np.multiply(high + low, 0.5, out=boxes[:3])
@@ -42,7 +42,7 @@ def covered(shapes: Shapes, rows: Floats, good: Bools, most: int) -> Bools:
 
 def by_solid_angle(shapes: Shapes, good: Bools) -> Ints:
     """Positions of good occluders by falling solid angle; equal ones by number."""
-    which = np.flatnonzero(good)
+    which = good.nonzero()[0]
     # what rounding alone tells apart counts as equal
     angle = shapes.solid_angles()[which].astype(np.float32)
     return which[np.lexsort((shapes.ids[which], -angle))]
@@ -62,7 +62,7 @@ def by_margin(rows: Floats, good: Bools, view: View, count: int) -> Ints:
     count : int
         As many as are wanted.
     """
-    which = np.flatnonzero(good)
+    which = good.nonzero()[0]
     samples, planes = _samples(view), rows[which].reshape(-1, 8)
     beyond = planes[:, :3] @ samples + planes[:, 6:7] > 0.0
     whole = np.logical_and.reduce(beyond.reshape(len(which), rows.shape[1], samples.shape[1]), axis=1)
@@ -78,7 +78,7 @@ def by_margin(rows: Floats, good: Bools, view: View, count: int) -> Ints:
         order.append(best)
         free[best] = 0.0
         np.multiply(left, WORTH, out=left, where=covers[best] > 0.0)
-    order.extend(np.flatnonzero(free).tolist())
+    order.extend(free.nonzero()[0].tolist())
     return which[np.array(order, np.int64)]
 
 

@@ -19,7 +19,7 @@ from scenegraph.kernels.shadow_frusta import box_depth_in_frusta_exact
 from scenegraph.kernels.silhouettes import UNUSED, cone_shadow_rows
 from scenegraph.kernels.slices import slice_expand, slice_padded
 from scenegraph.kernels.solid_angles import angle_solid_triangles
-from scenegraph.kernels.windows import edge_enters, point_outcodes
+from scenegraph.kernels.windows import edge_enters, point_inside, point_outcodes
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -194,11 +194,13 @@ class Shapes:
         # that edges beyond a side do not matter holds only for what is seen at all: an occluder beyond a corner may lie
         # on the inner side of the only edge that is left, and so does the window
         some = unneeded.any(axis=0) & ~whole & ~outside
-        unseen = some & ~self._edges_enter(np.flatnonzero(some), window[:4], size)
+        unseen = some & ~point_inside(self.points, window[:4], size=size).any(axis=0)
+        if unseen.any():
+            unseen &= ~self._edges_enter(unseen.nonzero()[0], window[:4], size)
         unneeded &= some & ~unseen
         rows, lit, clear, sound = self._planes(None, beyond, unneeded, most_faces)
         if (whole | unseen).any():
-            which = np.flatnonzero((whole | unseen) & lit & clear & sound)
+            which = ((whole | unseen) & lit & clear & sound).nonzero()[0]
             # no side crosses the window: the occluder covers all of it, or nothing
             covers = _covers_middle(rows[which], view)
             outside[which[~covers]] = True
@@ -216,13 +218,11 @@ class Shapes:
     def _edges_enter(self, which: Ints, window: Floats, size: float) -> Bools:
         """(m,) whether some edge of those occluders surely is in the window; False for all others."""
         seen = np.zeros(len(self.ids), bool)
-        if len(which):
-            points = self.points[..., which]
-            build = self._build if isinstance(self._build, slice) else self._build[which]
-            first, last = self._topology.ends[..., build] * len(which) + np.arange(len(which))
-            flat = points.reshape(3, -1)
-            enters = edge_enters(flat.take(first, axis=1), flat.take(last, axis=1), window, size=size)
-            seen[which] = enters.any(axis=0)
+        build = self._build if isinstance(self._build, slice) else self._build[which]
+        first, last = self._topology.ends[..., build] * len(which) + np.arange(len(which))
+        flat = self.points[..., which].reshape(3, -1)
+        enters = edge_enters(flat.take(first, axis=1), flat.take(last, axis=1), window, size=size)
+        seen[which] = enters.any(axis=0)
         return seen
 
     def _planes(

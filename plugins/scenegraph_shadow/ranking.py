@@ -121,7 +121,7 @@ class Scores:
         share = 2 * -(-count // catalog.ids.shape[1])
         least = hint if hint < np.inf else _nth(unseen, share)
         while True:
-            blocks = np.flatnonzero((unseen >= least) & (unseen > 0.0))
+            blocks = ((unseen >= least) & (unseen > 0.0)).nonzero()[0]
             if len(blocks):
                 found, value = self._members(blocks, planes)
                 ids, score = np.concatenate([ids, found]), np.concatenate([score, value])
@@ -144,7 +144,7 @@ class Scores:
         level += planes[:, 3:]
         inside = level.min(axis=0) >= -catalog.radius.take(blocks, axis=0).reshape(-1)
         inside &= score.reshape(-1) > 0.0
-        good = np.flatnonzero(inside)
+        good = inside.nonzero()[0]
         return catalog.ids.take(blocks, axis=0).reshape(-1).take(good), score.reshape(-1).take(good)
 
 

@@ -138,4 +138,4 @@ class Shadow(Stage):
             return by_solid_angle(shapes, good)
         if self.ranking == "marginal":
             return by_margin(rows, good, shapes.view, self.active)
-        return np.flatnonzero(good)
+        return good.nonzero()[0]

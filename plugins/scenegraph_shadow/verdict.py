@@ -53,7 +53,7 @@ class Verdict:
             left: Ints | None = None
             for start, end in pairwise((0, *(c for c in CHUNKS if c < count), count)):
                 if start:
-                    left = np.flatnonzero(verdict)
+                    left = verdict.nonzero()[0]
                 hidden = self._hidden(batch, left, start, end)
                 verdict[hidden if left is None else left.take(hidden)] = OUT
         elif len(batch) >= FEW_NODES:
@@ -79,14 +79,14 @@ class Verdict:
         deepest = depth.max(axis=0)
         hidden = deepest > 0.0
         if np.count_nonzero(deepest >= self._unsure) > np.count_nonzero(hidden):
-            unsure = np.flatnonzero((deepest >= self._unsure) & ~hidden)
+            unsure = ((deepest >= self._unsure) & ~hidden).nonzero()[0]
             self.undecided += len(unsure)
             exact = frusta.hides(batch.boxes_at(unsure if subset is None else subset.take(unsure)))[start:end]
             hidden[unsure] = (exact & ~own[:, unsure]).any(axis=0)
         return np.flatnonzero(hidden)
 
     def _subtract_holes(self, depth: NDArray[np.float32], packed: NDArray[np.float32], start: int, end: int) -> None:
-        which = np.flatnonzero((self._frusta.hole_of >= start) & (self._frusta.hole_of < end))
+        which = ((self._frusta.hole_of >= start) & (self._frusta.hole_of < end)).nonzero()[0]
         if len(which):
             past = box_depth_in_frusta(packed, self._holes[which], any_plane=True)
             np.minimum.at(depth, self._frusta.hole_of[which] - start, past)

@@ -138,7 +138,7 @@ def box_outside(
         # what is neither surely outside nor surely not, NaN included
         decided = distance > bound
         np.logical_or(decided, outside, out=decided)
-    return outside, np.flatnonzero(~decided)
+    return outside, (~decided).nonzero()[0]
 
 
 def _rounding_bound(planes: NDArray[np.float64], radius: float) -> float:

@@ -306,7 +306,7 @@ def cone_shadow_rows(
             clear |= beyond
 
         outline = cone_outline(front, edge_faces)
-        edge = np.flatnonzero(outline)
+        edge = outline.ravel().nonzero()[0]
         which = edge % m
         first, last = (ends * m + number).reshape(2, -1).take(edge, axis=1)
         start, end = flat.take(first, axis=1), flat.take(last, axis=1)
@@ -327,20 +327,20 @@ def cone_shadow_rows(
     np.logical_and(outline, True if unneeded is None else ~unneeded, out=sides)
     np.logical_and(faces, at_faces, out=keep[len(outline) : -1])
     np.logical_not(at_faces, out=keep[-1])
-    kept = np.flatnonzero(sides.reshape(-1).take(edge))
-    cap = np.flatnonzero(keep[len(outline) : -1])
+    kept = sides.reshape(-1).take(edge).nonzero()[0]
+    cap = keep[len(outline) : -1].ravel().nonzero()[0]
     normal = [side.take(kept, axis=1), -normals.reshape(3, -1).take(cap, axis=1)]
     distance = [offset.take(kept), (height - warp - round_off).reshape(-1).take(cap)]
     if keep[-1].any():
         deep, depth = cone_depth_caps(start, end, which, reach=reach, error=error, direction=direction)
-        rest = np.flatnonzero(keep[-1])
+        rest = keep[-1].nonzero()[0]
         normal.append(deep.take(rest, axis=1))
         distance.append(depth.take(rest))
     # one after the other within each polyhedron
     place = np.cumsum(keep, axis=0)
     most = max(int(place[-1].max(initial=0)), 1)
     place += number * most - 1
-    slot = place.reshape(-1).take(np.flatnonzero(keep))
+    slot = place.reshape(-1).take(keep.ravel().nonzero()[0])
     rows = np.zeros((m * most, 8))
     rows[:, 6] = UNUSED
     rows[slot, :3] = np.concatenate(normal, axis=1).T

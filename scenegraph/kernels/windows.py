@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 #: Rounding of a plane's distance in units of float64 epsilon.
 ROUNDING = 64.0
 
+_EPS = float(np.finfo(np.float64).eps)
+
 
 def point_outcodes(points: NDArray[np.float64], planes: NDArray[np.float64], /, *, size: float) -> NDArray[np.uint8]:
     """Of which planes each point is surely on the outer side, one bit per plane (Cohen & Sutherland).
@@ -30,10 +32,24 @@ def point_outcodes(points: NDArray[np.float64], planes: NDArray[np.float64], /, 
     with np.errstate(invalid="ignore", over="ignore"):
         level = planes[:, :3] @ points.reshape(3, -1)
         level += planes[:, 3:]
-        limit = ROUNDING * float(np.finfo(np.float64).eps) * (size + np.abs(planes[:, 3:]))
+        limit = ROUNDING * _EPS * (size + np.abs(planes[:, 3:]))
         outside = level < -limit
     bits = np.array([1, 2, 4, 8, 16, 32, 64, 128], np.uint8)[: len(planes)]
     return np.asarray((bits @ outside.view(np.uint8)).reshape(points.shape[1:]))
+
+
+def point_inside(points: NDArray[np.float64], planes: NDArray[np.float64], /, *, size: float) -> NDArray[np.bool_]:
+    """Which points lie surely and strictly inside all planes; for parameters see `point_outcodes`.
+
+    Returns
+    -------
+    (...) bool
+        False for what is within rounding of a plane, or not a number.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        level = planes[:, :3] @ points.reshape(3, -1)
+        limit = ROUNDING * _EPS * (size + np.abs(planes[:, 3:])) - planes[:, 3:]
+        return np.asarray(np.logical_and.reduce(level > limit, axis=0)).reshape(points.shape[1:])
 
 
 def edge_enters(
@@ -55,7 +71,7 @@ def edge_enters(
         False where a coordinate is not a number.
     """
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        limit = ROUNDING * float(np.finfo(np.float64).eps) * (size + np.abs(planes[:, 3:]))
+        limit = ROUNDING * _EPS * (size + np.abs(planes[:, 3:]))
         ends = np.stack([start.reshape(3, -1), end.reshape(3, -1)])
         level = planes[:, :3] @ ends + (planes[:, 3:] - limit)
         out = ~(level > 0.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenegraph import View
-from scenegraph.kernels.windows import edge_enters, point_outcodes
+from scenegraph.kernels.windows import edge_enters, point_inside, point_outcodes
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-9, 1e11])
@@ -21,12 +21,17 @@ def test_one_bit_per_plane(rng, scale, parallel):
     for bit in range(6):
         assert np.array_equal((codes >> bit) & 1, distance[bit] < 0)
     assert len(set(codes.ravel().tolist())) > 10
+    inside = point_inside(points, planes, size=10 * scale)
+    assert np.array_equal(inside, codes == 0)
+    assert inside.any()
 
 
 def test_border_and_nan_count_as_inside():
     planes = np.array([[1.0, 0, 0, -2.0]])
     points = np.array([[2.0, 2 - 1e-15, np.nan, 1.0], [7.0] * 4, [-7.0] * 4])
     assert point_outcodes(points, planes, size=7.0).tolist() == [0, 0, 0, 1]
+    assert not point_inside(points, planes, size=7.0).any()
+    assert point_inside(points + 1e-9, planes, size=7.0).tolist() == [True, True, False, False]
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-9, 1e11])
