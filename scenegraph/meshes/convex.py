@@ -9,12 +9,43 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..mesh import Mesh
 from .inflate import HalfSpaces, corners_of
-from .prepared import F64, PreparedMesh
+from .prepared import F64, PreparedMesh, clearance_of
+from .solids import box_corners
 from .winding import winding_numbers
 
 #: Hulls of more planes before coplanar ones are joined are not worth a look.
 _MOST_VERTICES = 512
+
+
+def upright_box(mesh: Mesh) -> F64 | None:
+    """(8, 3) corners, drawn in, of a mesh that is nothing but a box along its axes: the commonest mesh of plots.
+
+    In a hundredth of the time that taking any mesh apart takes. Twelve triangles on the sides of the box, each edge
+    passed once in each direction, are a cycle without a point inside it, so that the volume they enclose says how often
+    they go around: once, if it is that of the box.
+    """
+    if mesh.triangles != 12 or len(mesh.vertices) > 36:
+        return None
+    points = mesh.vertices[mesh.faces]
+    low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+    size = high - low
+    upper = points == high
+    # each triangle on one side, each corner of it a corner of the box
+    if not (size > 0).all() or not (upper | (points == low)).all() or not (upper == upper[:, :1]).all(axis=1).any():
+        return None
+    on_a_side = (upper == upper[:, :1]).all(axis=1).any(axis=1).all()
+    number = (upper @ np.array([1, 2, 4])).astype(np.int64)
+    ends = np.concatenate([number[:, [0, 1]], number[:, [1, 2]], number[:, [2, 0]]])
+    net = np.zeros((8, 8), np.int64)
+    np.add.at(net, (ends[:, 0], ends[:, 1]), 1)
+    unit = upper.astype(np.float64) - 0.5
+    volume = abs(float(np.einsum("ij,ij->", unit[:, 0], np.cross(unit[:, 1], unit[:, 2])))) / 6
+    if not on_a_side or not np.array_equal(net, net.T) or abs(volume - 1) > 1e-9:
+        return None
+    inset = 2 * clearance_of(mesh) * float(size.max())
+    return None if 4 * inset > size.min() else box_corners(low + inset, high - inset)
 
 
 def convex_solid(prepared: PreparedMesh, *, planes: int) -> tuple[F64, bool] | None:

@@ -22,7 +22,7 @@ from ..progress import Progress, silent
 from ..threads import one_blas_thread
 from .cache import DiskCache
 from .candidates import Candidate, flat_candidates, insides_of, solid_candidates, tally, volume_share
-from .convex import convex_solid
+from .convex import convex_solid, upright_box
 from .fitted import FittedOccluder, FittedOccluders
 from .prepared import PreparedMesh, hindrance
 from .silhouette import Silhouette
@@ -156,6 +156,9 @@ def _peak_memory(wanted: bool) -> Iterator[list[int]]:
 
 def _fitted(mesh: Mesh, settings: _Settings, progress: Progress) -> FittedOccluders:
     progress("taking the mesh apart", 0.0)
+    box = upright_box(mesh)
+    if box is not None:
+        return _alone(FittedOccluder("box", box, True, 1.0))
     prepared = PreparedMesh.of(mesh)
     if not len(prepared.faces):
         return FittedOccluders(notes=("none of its triangles has an area",))
@@ -227,6 +230,9 @@ def fit_convex(mesh: Mesh, *, planes: int = 12) -> FittedOccluders | None:
     """
     if hindrance(mesh):
         return None
+    box = upright_box(mesh)
+    if box is not None:
+        return _alone(FittedOccluder("box", box, True, 1.0))
     prepared = PreparedMesh.of(mesh)
     return _itself(prepared, _Settings("polytope", 1, 0.0, 8, planes, False, "none")) if len(prepared.faces) else None
 
@@ -236,12 +242,16 @@ def _itself(prepared: PreparedMesh, settings: _Settings) -> FittedOccluders | No
     if found is None or (settings.shape == "box" and not found[1]):
         return None
     corners, is_box = found
-    # all of the silhouette but a hair's breadth
     occluder = FittedOccluder("box" if is_box else "polytope", prepared.in_mesh(corners), True, 1.0)
     try:
         occluder.node()
     except SceneError:  # far from the origin, rounding can bend what was flat
         return None
+    return _alone(occluder)
+
+
+def _alone(occluder: FittedOccluder) -> FittedOccluders:
+    """All of a convex mesh but a hair's breadth."""
     return FittedOccluders((occluder,), coverage=1.0, solid_coverage=1.0, volume_share=1.0, closed_shells=1)
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mesh_proofs import assert_hidden, assert_within_convex, hull, rotation, torus, turned, without
 from scenegraph import Mesh
+from scenegraph.meshes.convex import upright_box
 from scenegraph.meshes.fitting import fit_convex
 
 CUBE = Mesh.box((0, 0, 0), (1, 1, 1))
@@ -66,3 +67,38 @@ def test_turned_inside_out_it_is_as_closed() -> None:
     found = fit_convex(Mesh(CUBE.vertices, CUBE.faces[:, ::-1]))
     assert found is not None
     assert_within_convex(CUBE, found)
+
+
+def test_boxes_along_the_axes_are_seen_at_once(rng: np.random.Generator) -> None:
+    soup = Mesh(CUBE.vertices[CUBE.faces].reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    for mesh in (CUBE, soup, Mesh.box((-1e6, 5, 0), (-1e6 + 3, 5.25, 1e3)), Mesh(CUBE.vertices, CUBE.faces[:, ::-1])):
+        corners = upright_box(mesh)
+        assert corners is not None
+        low, high = mesh.bounds
+        assert (corners > low).all()
+        assert (corners < high).all()
+        assert np.abs([corners.min(axis=0) - low, corners.max(axis=0) - high]).max() <= 1e-5 * (high - low).max()
+        found = fit_convex(mesh)
+        assert found is not None
+        assert np.array_equal(found.occluders[0].points, corners)
+        assert_hidden(mesh, found, rng)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_only_looks_like_a_box(seed: int) -> None:
+    """Twelve triangles between corners of a box, with one of them turned, doubled, or laid across its inside."""
+    rng = np.random.default_rng(seed)
+    faces = CUBE.faces.copy()
+    change = rng.integers(3)
+    i, j = rng.choice(12, 2, replace=False)
+    if change == 0:
+        faces[i] = faces[i][::-1]
+    elif change == 1:
+        faces[i] = faces[j]
+    else:
+        faces[i] = [0, 3, 6]
+    assert upright_box(Mesh(CUBE.vertices, faces)) is None
+    bent = CUBE.vertices.copy()
+    bent[rng.integers(8), rng.integers(3)] += 1e-9
+    assert upright_box(Mesh(bent, CUBE.faces)) is None
+    assert upright_box(turned(CUBE, rotation(rng))) is None
