@@ -27,6 +27,8 @@ SMALL: dict[str, dict[str, Any]] = {
     "foliage": {},
     "inspection": {},
 }
+#: Their whole forms, where those are too large to be drawn so often.
+LARGE: dict[str, dict[str, Any]] = {"bunnies-5001": {"count": 500}, "bunnies-10001": {"count": 500}}
 PIPELINES = (
     "frustum",
     "frustum | contribution",
@@ -82,7 +84,7 @@ def test_in_small_scenes(name: str) -> None:
 @pytest.mark.parametrize("occluders", ["declared", "fitted"])
 @pytest.mark.parametrize("name", SMALL)
 def test_in_the_built_in_scenes(name: str, occluders: str) -> None:
-    scene = sg.registry().scene(name).build()
+    scene = sg.registry().scene(name).build(**LARGE.get(name, {}))
     declared = [n for n in scene.root.walk() if isinstance(n, sg.Occluder)]
     if not declared and occluders == "declared":
         pytest.skip("it declares none")
