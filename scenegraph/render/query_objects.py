@@ -5,12 +5,17 @@ the answers of any-samples queries (5.13).
 from __future__ import annotations
 
 import ctypes
+from collections import deque
 from typing import Any
 
 from .context import gl_function
 
 SAMPLES_PASSED, ANY_SAMPLES_PASSED = 0x8914, 0x8C2F
 _RESULT, _AVAILABLE = 0x8866, 0x8867
+
+#: So many names wait before one is used again. Using a name anew frees what its last answer rested on; a software
+#: renderer's threads may not be done with that yet when the answer can be read, least of all on a busy machine.
+_RESTING = 256
 
 _uint = ctypes.c_uint
 _names = ctypes.POINTER(_uint)
@@ -42,21 +47,22 @@ class QueryObjects:
         self._get = gl_function(window, "glGetQueryObjectuiv", _uint, _uint, _names)
         self._flush = gl_function(window, "glFlush")
         # OpenGL ties a name to the kind of query that it is first used for
-        self._free: dict[int, list[int]] = {SAMPLES_PASSED: [], ANY_SAMPLES_PASSED: []}
+        self._free: dict[int, deque[int]] = {SAMPLES_PASSED: deque(), ANY_SAMPLES_PASSED: deque()}
         self._answer = _uint()
         self.made = 0
 
     def take(self, count: int, kind: int) -> list[int]:
-        """Names of query objects that nobody else uses, for one kind of query."""
+        """Names of query objects that nobody else uses, for one kind of query; those that rested longest."""
         free = self._free[kind]
-        short = count - len(free)
+        short = count + _RESTING - len(free)
         if short > 0:
             names = (_uint * short)()
             self._generate(short, names)
-            free.extend(names)
+            # new ones first: the others go on resting
+            free.extendleft(names)
             self.made += short
         # one by one: a ticket may be collected, and give its names back, at any time
-        return [free.pop() for _ in range(count)]
+        return [free.popleft() for _ in range(count)]
 
     def give_back(self, names: list[int], kind: int) -> None:
         """Let others use them."""

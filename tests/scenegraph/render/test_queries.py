@@ -63,6 +63,21 @@ def test_both_ways_agree_about_boxes_of_all_kinds(window: OffscreenWindow, rng: 
         assert not device.queries.fallback
 
 
+def test_query_objects_rest_before_they_are_used_again(window: OffscreenWindow) -> None:
+    snapshot, view = grid_scene(2).snapshot(), View((0, -20, 3), (0, 0, 0), width=64, height=48)
+    used: list[list[int]] = []
+    with closing(Device(window)) as device, device.guard():
+        target = device.depth_target(64, 48)
+        target.clear()
+        for _ in range(60):
+            ticket = device.queries.issue(view, snapshot.boxes, target)
+            used.append(ticket.names)
+            assert (device.queries.result(ticket) > 0).all()
+        recent = used[-1 - 256 // snapshot.n :]
+        assert len({name for names in recent for name in names}) == sum(map(len, recent))
+        assert device.queries.objects.made <= 256 + snapshot.n
+
+
 def test_one_query_for_several_boxes(window: OffscreenWindow, rng: np.random.Generator) -> None:
     snapshot = grid_scene(4).snapshot()
     with closing(Device(window)) as device, device.guard():
