@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 import scenegraph as sg
+from bench_tables import show
 from scenegraph import traversal
 from scenegraph.kernels.boxes import box_outside
 from scenegraph_frustum import Frustum
@@ -68,12 +69,6 @@ def best_ms(work: Callable[[sg.View], Any], views: list[sg.View], repeats: int =
             work(view)
             best[i] = min(best[i], time.perf_counter() - start)
     return float(best.mean() * 1e3)
-
-
-def show(title: str, rows: list[tuple[str, str]]) -> None:
-    """A small table on the terminal."""
-    width = max(len(name) for name, _ in rows)
-    sys.stdout.write(f"\n{title}\n" + "".join(f"  {name:<{width}}  {value}\n" for name, value in rows))
 
 
 @pytest.mark.parametrize("n", [1_000, 10_000, 100_000])

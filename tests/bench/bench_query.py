@@ -19,6 +19,7 @@ import pytest
 import scenegraph as sg
 import scenegraph_frustum
 import scenegraph_query
+from bench_tables import show
 from scenegraph.render.device import Device
 from scenegraph.render.drawing import Drawing
 from scenegraph.render.item_buffer import ItemBuffer
@@ -54,12 +55,6 @@ def best_ms(work: Callable[[], Any], repeats: int = 9) -> float:
         work()
         best = min(best, time.perf_counter() - start)
     return best * 1e3
-
-
-def show(title: str, rows: list[tuple[str, str]]) -> None:
-    print(f"\n{title}")
-    for what, value in rows:
-        print(f"    {what:58s} {value}")
 
 
 def wall_and_boxes(count: int) -> tuple[sg.Snapshot, sg.View, np.ndarray]:

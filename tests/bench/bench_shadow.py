@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 import scenegraph as sg
+from bench_tables import show
 from scenegraph_shadow import stage as shadow_stage
 from scenegraph_shadow import verdict as shadow_verdict
 from scenegraph_shadow.catalog import Catalog
@@ -62,12 +63,6 @@ def city(n: int) -> tuple[sg.Snapshot, list[sg.View]]:
     for a, b in zip(low, high, strict=True):
         root.add(sg.Group(sg.Geode(sg.Mesh.box(a, b)), sg.Occluder.box(a, b)))
     return sg.Scene(root).snapshot(), [sg.View(e, t) for e, t in zip(eyes, targets, strict=True)]
-
-
-def show(title: str, rows: list[tuple[str, str]]) -> None:
-    """A small table on the terminal."""
-    width = max(len(name) for name, _ in rows)
-    sys.stdout.write(f"\n{title}\n" + "".join(f"  {name:<{width}}  {value}\n" for name, value in rows))
 
 
 @pytest.mark.gl
