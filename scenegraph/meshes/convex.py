@@ -32,17 +32,17 @@ def upright_box(mesh: Mesh) -> F64 | None:
     low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
     size = high - low
     upper = points == high
-    # each triangle on one side, each corner of it a corner of the box
-    if not (size > 0).all() or not (upper | (points == low)).all() or not (upper == upper[:, :1]).all(axis=1).any():
+    # corners of the box, and each triangle on one of its sides
+    is_corner, is_level = upper | (points == low), (upper == upper[:, :1]).all(axis=1)
+    if not (size > 0).all() or not is_corner.all() or not is_level.any(axis=1).all():
         return None
-    on_a_side = (upper == upper[:, :1]).all(axis=1).any(axis=1).all()
     number = (upper @ np.array([1, 2, 4])).astype(np.int64)
     ends = np.concatenate([number[:, [0, 1]], number[:, [1, 2]], number[:, [2, 0]]])
     net = np.zeros((8, 8), np.int64)
     np.add.at(net, (ends[:, 0], ends[:, 1]), 1)
     unit = upper.astype(np.float64) - 0.5
     volume = abs(float(np.einsum("ij,ij->", unit[:, 0], np.cross(unit[:, 1], unit[:, 2])))) / 6
-    if not on_a_side or not np.array_equal(net, net.T) or abs(volume - 1) > 1e-9:
+    if not np.array_equal(net, net.T) or abs(volume - 1) > 1e-9:
         return None
     inset = 2 * clearance_of(mesh) * float(size.max())
     return None if 4 * inset > size.min() else box_corners(low + inset, high - inset)

@@ -156,9 +156,9 @@ def _peak_memory(wanted: bool) -> Iterator[list[int]]:
 
 def _fitted(mesh: Mesh, settings: _Settings, progress: Progress) -> FittedOccluders:
     progress("taking the mesh apart", 0.0)
-    box = upright_box(mesh)
+    box = _box(mesh)
     if box is not None:
-        return _alone(FittedOccluder("box", box, True, 1.0))
+        return box
     prepared = PreparedMesh.of(mesh)
     if not len(prepared.faces):
         return FittedOccluders(notes=("none of its triangles has an area",))
@@ -230,11 +230,16 @@ def fit_convex(mesh: Mesh, *, planes: int = 12) -> FittedOccluders | None:
     """
     if hindrance(mesh):
         return None
-    box = upright_box(mesh)
+    box = _box(mesh)
     if box is not None:
-        return _alone(FittedOccluder("box", box, True, 1.0))
+        return box
     prepared = PreparedMesh.of(mesh)
     return _itself(prepared, _Settings("polytope", 1, 0.0, 8, planes, False, "none")) if len(prepared.faces) else None
+
+
+def _box(mesh: Mesh) -> FittedOccluders | None:
+    corners = upright_box(mesh)
+    return None if corners is None else _alone(FittedOccluder("box", corners, True, 1.0))
 
 
 def _itself(prepared: PreparedMesh, settings: _Settings) -> FittedOccluders | None:

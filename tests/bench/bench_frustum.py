@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 import scenegraph as sg
-from bench_tables import show
+from bench_tools import show
 from scenegraph import traversal
 from scenegraph.kernels.boxes import box_outside
 from scenegraph_frustum import Frustum

@@ -7,8 +7,6 @@ Times are the best of several repeats in one run, because the machine does other
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable
 from contextlib import closing
 from typing import Any
 
@@ -18,6 +16,7 @@ import pytest
 import scenegraph as sg
 import scenegraph_frustum
 import scenegraph_hom
+from bench_tools import best_ms
 from scenegraph.kernels.frequency import rect_visibility
 from scenegraph.kernels.nearness import nearness_scale
 from scenegraph.kernels.projection import box_screen_rectangles
@@ -33,16 +32,6 @@ SIZE = (512, 256)
 KNOWN = sg.Registry(discover=False)
 KNOWN.add(scenegraph_frustum)
 KNOWN.add(scenegraph_hom)
-
-
-def best_ms(work: Callable[[], Any], repeats: int = 15) -> float:
-    """The best of several times."""
-    best = np.inf
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        best = min(best, time.perf_counter() - start)
-    return best * 1e3
 
 
 def city(n: int) -> sg.Snapshot:

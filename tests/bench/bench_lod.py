@@ -7,30 +7,19 @@ from __future__ import annotations
 
 import itertools
 import sys
-import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
 import scenegraph as sg
+from bench_tools import best_ms
 from level_shapes import ball
 from scenegraph.kernels.levels import mesh_level_budget
 from scenegraph.meshes import level_chain, tessellate
 from scenegraph_lod import LodBudget, LodDistance, LodError, LodStress, LodVisibility
 
 LEVELS = 7
-
-
-def best_ms(work: Callable[[], Any], repeats: int = 9) -> float:
-    """The best of several times."""
-    best = np.inf
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        best = min(best, time.perf_counter() - start)
-    return best * 1e3
 
 
 class PutsVisibility(sg.Stage):

@@ -19,7 +19,7 @@ import pytest
 import scenegraph as sg
 import scenegraph_frustum
 import scenegraph_query
-from bench_tables import show
+from bench_tools import best_ms, show
 from scenegraph.render.device import Device
 from scenegraph.render.drawing import Drawing
 from scenegraph.render.item_buffer import ItemBuffer
@@ -45,16 +45,6 @@ ORDERS = (
     "query(traversal=stop_and_wait)",
     "query(traversal=stop_and_wait, retest=False)",
 )
-
-
-def best_ms(work: Callable[[], Any], repeats: int = 9) -> float:
-    """The best of several times."""
-    best = np.inf
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        best = min(best, time.perf_counter() - start)
-    return best * 1e3
 
 
 def wall_and_boxes(count: int) -> tuple[sg.Snapshot, sg.View, np.ndarray]:

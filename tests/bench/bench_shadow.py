@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import scenegraph as sg
-from bench_tables import show
+from bench_tools import show
 from scenegraph_shadow import stage as shadow_stage
 from scenegraph_shadow import verdict as shadow_verdict
 from scenegraph_shadow.catalog import Catalog
