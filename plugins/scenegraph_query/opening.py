@@ -23,15 +23,18 @@ class Opening:
 
     def __init__(self, asking: Asking) -> None:
         self.asking = asking
-        self.tree = asking.tree
-        self.nodes = len(asking.tree)
-        self._is_leaf = asking.tree.is_leaf
-        self._alive = ~asking.frame.dead_nodes_now()
+        self.tree = tree = asking.tree
+        self.nodes = m = len(tree)
+        leaf = tree.is_leaf
+        # what is below a node has consecutive numbers
+        self._first = np.where(leaf, m + tree.first, tree.child_first)
+        self._end = np.where(leaf, m + tree.end, tree.child_end)
+        self._kept: Mask = np.concatenate([~asking.frame.dead_nodes_now(), asking.candidates])
         self._eye = np.asarray(asking.view.eye)
 
     def start(self) -> list[Entry]:
         """A heap with the root."""
-        return [(0.0, 0)] if self._alive[:1].any() else []
+        return [(0.0, 0)] if self._kept[: min(self.nodes, 1)].any() else []
 
     def is_row(self, numbers: I64) -> Mask:
         """(k,) which of these are rows."""
@@ -76,20 +79,10 @@ class Opening:
 
     def below_each(self, nodes: I64) -> tuple[I64, I64]:
         """The same, and the position in `nodes` of the node that each is below."""
-        tree, leaf = self.tree, self._is_leaf[nodes]
-        parts, owners = [], []
-        for which, first, end, kept, base in (
-            (np.flatnonzero(~leaf), tree.child_first, tree.child_end, self._alive, 0),
-            (np.flatnonzero(leaf), tree.first, tree.end, self.asking.candidates, self.nodes),
-        ):
-            if len(which):
-                starts, ends = first[nodes[which]], end[nodes[which]]
-                found = slice_expand(starts, ends)
-                left = kept[found]
-                parts.append(base + found[left])
-                owners.append(np.repeat(which, ends - starts)[left])
-        none = np.zeros(0, np.int64)
-        return np.concatenate([none, *parts]), np.concatenate([none, *owners])
+        first, end = self._first[nodes], self._end[nodes]
+        found = slice_expand(first, end)
+        kept = self._kept[found]
+        return found[kept], np.repeat(np.arange(len(nodes)), end - first)[kept]
 
     def mark_asked(self, numbers: I64) -> None:
         """Rows among these have been asked about."""
