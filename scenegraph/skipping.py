@@ -10,8 +10,11 @@ from .log import StageRecord
 #: Weight of the newest measurement (VTK's level-of-detail props use the same).
 NEW = 0.75
 
-#: Frames on trial, longest pause.
-TRIAL, LONGEST = 3, 64
+#: Frames on trial; the longest pause that trials lead to by failing again and again, and by being dear.
+TRIAL, LONGEST, DEAREST = 3, 64, 256
+
+#: Share of a frame's drawing time that trials may cost on average.
+SHARE = 0.01
 
 
 @dataclass
@@ -35,10 +38,12 @@ class Worth:
 
     ms_per_object: float = 0.0
     ms_per_triangle: float = 0.0
+    _frame_ms: float = 0.0
     _accounts: dict[str, _Account] = field(default_factory=dict)
 
     def drawn(self, *, objects: int, triangles: int, ms: float) -> None:
         """Tell what a frame's drawing cost; half is put down to objects, half to triangles."""
+        self._frame_ms = _mixed(self._frame_ms, ms)
         for name, amount in (("ms_per_object", objects), ("ms_per_triangle", triangles)):
             if amount > 0:
                 setattr(self, name, _mixed(getattr(self, name), 0.5 * ms / amount))
@@ -64,7 +69,10 @@ class Worth:
         return record.hidden * self.ms_per_object + triangles * self.ms_per_triangle
 
     def skip(self, name: str, index: int) -> str | None:
-        """Why a stage should not run in frame `index`, or None. Pauses double as long as trials keep failing."""
+        """Why a stage should not run in frame `index`, or None.
+
+        Pauses double as long as trials keep failing, and are long enough for what a trial costs.
+        """
         account = self._accounts.get(name)
         if account is None or not self.ms_per_triangle:
             return None
@@ -73,7 +81,8 @@ class Worth:
                 f"costs {account.ms:.2f} ms, saves {account.saved_ms:.2f} ms; tried again at frame {account.resume_at}"
             )
         if account.runs >= TRIAL and account.saved_ms < account.ms:
-            account.pause = min(max(2 * account.pause, 4), LONGEST)
+            enough = (account.ms - account.saved_ms) / (SHARE * self._frame_ms)
+            account.pause = max(min(max(2 * account.pause, 4), LONGEST), int(min(enough, DEAREST)))
             account.resume_at, account.runs = index + account.pause, TRIAL - 1
             return self.skip(name, index)
         if account.runs >= TRIAL:

@@ -48,8 +48,10 @@ _PAPER: dict[str, dict[str, tuple[float, float, float | None]]] = {
 _SCENES = {"low": "scene 1 (low)", "middle": "scene 2 (middle)", "high": "scene 3 (high)"}
 #: Figures of frame rates and of drawn nodes, and of pictures.
 _FIGURES = {"low": (2, 3, 8), "middle": (4, 5, 9), "high": (6, 7, 10)}
+#: The other reading of the place in the queue.
+_RANK = {"CHLOD-eps_q, rank": "hlod(predictor=rank, trim=False)"}
 _OURS = {"temporal": "hlod(trim=False)", "temporal, trimmed": "hlod"}
-_PIPELINES = {name: f"hlod(preset='{name}')" for name in _PAPER["low"]} | _OURS
+_PIPELINES = {name: f"hlod(preset='{name}')" for name in _PAPER["low"]} | _RANK | _OURS
 #: Every so many-th frame is drawn, for the frame rate; all are culled, for the rest.
 _EVERY = 5
 #: Where along the path pictures are compared, and which of them is shown: an extreme close-up.
@@ -120,7 +122,7 @@ def _ratios(depth: str, mean: dict[str, float], nodes: dict[str, NDArray[np.floa
     cells = []
     # the last part of the path is the extreme close-up that the authors left open
     late = slice(int(0.7 * len(nodes["SW-eps_q"])), None)
-    for name in ("CHLOD-eps_q", *_OURS):
+    for name in ("CHLOD-eps_q", *_RANK, *_OURS):
         theirs = paper.get(name)
         saved = None if theirs is None else theirs / paper["CHLOD-eps"]
         excess = None if theirs is None else 100 * (theirs / paper["SW-eps_q"] - 1)
@@ -184,9 +186,10 @@ def _remarks(label: str, depth: str, cells: list[Cell]) -> list[str]:
     excess, theirs = value("CHLOD-eps_q", "over SW-eps_q"), 100 * (paper["CHLOD-eps_q"][1] / paper["SW-eps_q"][1] - 1)
     ours = value("temporal", "over SW-eps_q")
     trimmed = value("temporal, trimmed", "over SW-eps_q")
-    rarn = value("CHLOD-eps_q", "RARN"), value("temporal", "RARN")
+    rarn = value("CHLOD-eps_q", "RARN"), value("CHLOD-eps_q, rank", "RARN"), value("temporal", "RARN")
     return [
         f"{label}: CHLOD-eps_q draws {saved:.2f} of CHLOD-eps's nodes (paper {aim:.2f}) and {excess:+.0f} % against "
         f"SW-eps_q (paper {theirs:+.0f} %); predicted from the last frame {ours:+.0f} %, trimmed {trimmed:+.0f} %.",
-        f"{label}: RARN is {rarn[0]:.2f} (paper {paper['CHLOD-eps_q'][2]}); by the last frame {rarn[1]:.2f}.",
+        f"{label}: RARN is {rarn[0]:.2f} (paper {paper['CHLOD-eps_q'][2]}); by the rank in the queue {rarn[1]:.2f}, by the "
+        f"last frame {rarn[2]:.2f}.",
     ]

@@ -22,7 +22,7 @@ from scenegraph.meshes import Hlod, hlod_of
 
 from .cut import HlodCut
 from .measures import Alpha, Ints, Measures
-from .walk import Rules, Walk
+from .walk import Predictor, Rules, Walk
 
 #: The four configurations of Table 1.
 PRESETS: dict[str, dict[str, Any]] = {
@@ -50,8 +50,10 @@ class HlodRefinement(Stage):
     traversal: Literal["coherent", "stop_and_wait", "none"] = parameter(
         "coherent", help="how queries are scheduled; none: no queries, and the metric is eps"
     )
-    predictor: Literal["temporal", "queue"] = parameter(
-        "temporal", help="visible part of a box before its query is answered: as last measured, or by its place"
+    predictor: Predictor = parameter(
+        "temporal",
+        help="visible part of a box before its query is answered: as last measured, or by its place in the queue: how "
+        "many came before it (queue), or wait before it (rank)",
     )
     alpha: Alpha = parameter("projected", help="pixels of a box: exact, or by a cube of the same volume as printed")
     trim: bool = parameter(True, help="leave out of the picture what was drawn by prediction and is then found hidden")
@@ -141,7 +143,8 @@ class HlodRefinement(Stage):
         rules = Rules(
             threshold=self.tau,
             by_visibility=self.metric == "eps_q",
-            temporal=self.predictor == "temporal" and self.metric == "eps_q",
+            # by the error alone nothing is predicted, and only nodes at which refinement stops are asked
+            predictor=self.predictor if self.metric == "eps_q" else "queue",
             waits=self.traversal == "stop_and_wait",
             chunk=1 if self.traversal == "stop_and_wait" else self.chunk,
             lag=0 if self.traversal == "stop_and_wait" else self.lag,

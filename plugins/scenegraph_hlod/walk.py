@@ -6,7 +6,9 @@ is the paper's loop, node by node. What is drawn of a chunk is drawn before its 
 a node's own mesh lies inside its box and cannot hide it.
 
 Sections 5.1 and 5.2 in these terms. A node that was visible in the previous frame is handled without waiting, by a
-predicted μ̂: 1 − s / S from its place s in the queue, or what was measured last (`predictor="temporal"`). All others are
+predicted μ̂: 1 − s / S from its place s in the queue, or what was measured last (`predictor="temporal"`). "The scheduled
+position of the node in the priority queue" can be read in two ways: how many were scheduled before it in this frame
+(`"queue"`), or its rank among those that wait when it is scheduled (`"rank"`), which is never far from 0. All others are
 handled when their answer is there, by the measured μ. A drawn node whose answer says that it needs refinement (RARN in
 Table 1) is taken out of the picture again and its children take its place, drawn without waiting: the paper draws both.
 
@@ -25,12 +27,14 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from .cut import HlodCut
 from .measures import Bools, Floats, Ints, Measures
+
+Predictor = Literal["temporal", "queue", "rank"]
 
 _NONE = np.zeros(0, np.int64)
 
@@ -58,8 +62,8 @@ class Rules:
         τ in pixels.
     by_visibility : bool
         The metric is ε^q; ε without.
-    temporal : bool
-        μ̂ is what was measured last; the place in the queue without.
+    predictor : "temporal", "queue" or "rank"
+        μ̂ is what was measured last, or falls with the place in the queue, read in one of two ways.
     waits : bool
         Stop and wait: nothing is known of the previous frame.
     chunk : int
@@ -72,7 +76,7 @@ class Rules:
 
     threshold: float
     by_visibility: bool
-    temporal: bool
+    predictor: Predictor
     waits: bool
     chunk: int
     lag: int
@@ -138,7 +142,11 @@ class Walk:
         if not len(nodes):
             return
         nodes = nodes[np.lexsort((nodes, self.measures.distance[nodes]))]
-        self.place[nodes] = self.scheduled + np.arange(len(nodes))
+        before: int | Ints = self.scheduled
+        if self.rules.predictor == "rank":
+            distance = self.measures.distance
+            before = np.searchsorted(np.sort(distance[self._queue]), distance[nodes], side="right")
+        self.place[nodes] = before + np.arange(len(nodes))
         self.scheduled += len(nodes)
         self._queue = np.concatenate([self._queue, nodes])
 
@@ -163,7 +171,7 @@ class Walk:
         refined = old[~stops]
         self._refine(refined)
         ask = np.ones(len(nodes), bool)
-        if not self.rules.temporal:
+        if self.rules.predictor != "temporal":
             ask[was] = stops
         asked = nodes[ask]
         if len(asked):
@@ -173,7 +181,7 @@ class Walk:
         """(k,) μ̂ (section 5.2); 1 for boxes that will not be asked, whose μ is 1 whatever stands before them."""
         if not self.rules.by_visibility:
             return np.ones(len(nodes))
-        if self.rules.temporal:
+        if self.rules.predictor == "temporal":
             share = self.share[nodes]
         elif self.last_scheduled:
             share = np.clip(1.0 - self.place[nodes] / self.last_scheduled, 0.0, 1.0)

@@ -119,6 +119,8 @@ def _drawn_suite(scene: _Scene, model: str) -> dict[str, Any]:
     stages = _pipelines(scene)
     pipelines = [
         {"name": "frustum", "stages": stages["frustum"]},
+        # the same once more: what differs is noise
+        {"name": "frustum, again", "stages": stages["frustum"]},
         {"name": "HOM", "stages": stages["HOM"]},
         # skips itself where it does not pay, which the thesis' does not
         {"name": "HOM+LV", "stages": stages["HOM+LV"], "adaptive": True},
@@ -204,12 +206,13 @@ def _report_times(found: Replication, scene: _Scene, pipelines: dict[str, Any], 
             [f.path for f in results["frustum"].frames],
         )
     )
+    worst = {name: float((window_sums(times[name], window) / base).max(initial=0.0)) for name in times}
     for name in ("HOM", "HOM+LV"):
-        worst = float((window_sums(times[name], window) / base).max(initial=0.0))
-        verdict = "never slower than" if worst <= 1.0 else "at worst slower than"
+        verdict = "never slower than" if worst[name] <= 1.0 else "at worst slower than"
         found.remarks.append(
             f"{scene.name}: {name} is {verdict} frustum culling alone over {window} frames "
-            f"(at most {worst:.2f} × its time; drawn at level {DRAWN_CEILING})."
+            f"(at most {worst[name]:.2f} × its time, where a second run of frustum culling takes at most "
+            f"{worst['frustum, again']:.2f} ×; drawn at level {DRAWN_CEILING})."
         )
 
 

@@ -271,7 +271,7 @@ def walked(snapshot: sg.Snapshot, answers: Answers, before: HlodCut | None, **ch
     settings = {
         "threshold": 0.3,
         "by_visibility": True,
-        "temporal": False,
+        "predictor": "queue",
         "waits": False,
         "chunk": 4,
         "lag": 1,
@@ -315,16 +315,16 @@ def test_what_was_visible_is_drawn_without_waiting_and_asked_only_where_refineme
 
 def test_predictions_that_were_too_coarse_are_counted_and_put_right(snapshot: sg.Snapshot) -> None:
     """The temporal predictor says what was measured last; all of a sudden everything is in full view."""
-    _, dim = walked(snapshot, Answers({}, 1), None, temporal=True)
+    _, dim = walked(snapshot, Answers({}, 1), None, predictor="temporal")
     bright = Answers({}, 10**9)
-    walk, cut = walked(snapshot, bright, dim, temporal=True)
+    walk, cut = walked(snapshot, bright, dim, predictor="temporal")
     assert walk.rarn > 0
     assert len(cut.nodes) > len(dim.nodes)
     assert (cut.tree.leaves_of(cut.nodes) <= 1).all()
     errors = walk.measures.errors
     assert ((errors[cut.nodes] <= 0.3) | cut.tree.is_leaf[cut.nodes]).all()
     # and the frame after predicts it right
-    walk, _ = walked(snapshot, Answers({}, 10**9), cut, temporal=True)
+    walk, _ = walked(snapshot, Answers({}, 10**9), cut, predictor="temporal")
     assert walk.rarn == 0
 
 
@@ -336,6 +336,20 @@ def test_the_first_frame_and_late_places_in_the_queue_have_a_defined_prediction(
     walk.place[nodes] = [0, 1, 2, 3, 50]
     assert walk._predicted(nodes).tolist() == [1, 0.5, 0, 0, 0]
     assert cut.scheduled == walk.scheduled > 0
+
+
+def test_the_place_in_the_queue_is_read_in_two_ways(snapshot: sg.Snapshot) -> None:
+    places = {}
+    for predictor in ("queue", "rank"):
+        walk, _ = walked(snapshot, Answers({}, 0), None, predictor=predictor)
+        near_first = np.argsort(walk.measures.distance, kind="stable")
+        walk.scheduled, walk._queue = 100, near_first[[2, 6, 8]]
+        new = near_first[[9, 7, 0]]
+        walk._schedule(new)
+        places[predictor] = walk.place[new].tolist()
+        assert walk.scheduled == 103
+    # what was scheduled before it; and those that wait before it, and came with it
+    assert places == {"queue": [102, 101, 100], "rank": [5, 3, 0]}
 
 
 def test_visibility_is_clamped_and_known_where_nothing_can_be_asked(snapshot: sg.Snapshot) -> None:

@@ -283,23 +283,30 @@ def test_run_before_open_and_after_close() -> None:
 def test_a_stage_that_does_not_pay_pauses_ever_longer_and_comes_back_when_it_does() -> None:
     worth = Worth()
     worth.drawn(objects=100, triangles=1000, ms=10.0)
-
-    def play(frames: range, hidden: int) -> list[int]:
-        ran = []
-        for index in frames:
-            if worth.skip("stage", index) is None:
-                ran.append(index)
-                worth.ran(sg.StageRecord("stage", ms=5.0, hidden=hidden))
-        return ran
-
-    lazy = play(range(100), hidden=1)
-    gaps = np.diff(lazy)
+    lazy = play(worth, range(300), ms=0.2, hidden=1)
     assert lazy[:3] == [0, 1, 2]
-    assert len(lazy) < 15
-    assert (np.diff(gaps[2:]) >= 0).all()
+    assert np.diff(lazy[2:]).tolist() == [15, 30, 60, 64, 64]
     assert "saves 0.05 ms" in str(worth.skip("stage", lazy[-1] + 2))
-    busy = play(range(300, 400), hidden=1000)
+    busy = play(worth, range(400, 500), ms=0.2, hidden=1000)
     assert len(busy) > 95
+
+
+@pytest.mark.parametrize(("ms", "pause"), [(0.06, 4), (1.05, 10), (5.05, 50), (500.0, 256)])
+def test_trials_cost_no_more_than_a_hundredth_of_the_frames(ms: float, pause: int) -> None:
+    worth = Worth()
+    worth.drawn(objects=100, triangles=1000, ms=10.0)
+    ran = play(worth, range(60 if pause < 60 else 300), ms=ms, hidden=1)
+    assert ran[3] - ran[2] - 1 == pause
+
+
+def play(worth: Worth, frames: range, *, ms: float, hidden: int) -> list[int]:
+    """The frames in which a stage is not skipped that costs so much."""
+    ran = []
+    for index in frames:
+        if worth.skip("stage", index) is None:
+            ran.append(index)
+            worth.ran(sg.StageRecord("stage", ms=ms, hidden=hidden))
+    return ran
 
 
 def test_nothing_is_skipped_before_drawing_was_measured() -> None:
