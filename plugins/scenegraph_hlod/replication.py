@@ -190,6 +190,6 @@ def _remarks(label: str, depth: str, cells: list[Cell]) -> list[str]:
     return [
         f"{label}: CHLOD-eps_q draws {saved:.2f} of CHLOD-eps's nodes (paper {aim:.2f}) and {excess:+.0f} % against "
         f"SW-eps_q (paper {theirs:+.0f} %); predicted from the last frame {ours:+.0f} %, trimmed {trimmed:+.0f} %.",
-        f"{label}: RARN is {rarn[0]:.2f} (paper {paper['CHLOD-eps_q'][2]}); by the rank in the queue {rarn[1]:.2f}, by the "
-        f"last frame {rarn[2]:.2f}.",
+        f"{label}: RARN is {rarn[0]:.2f} (paper {paper['CHLOD-eps_q'][2]}); by the rank in the queue "
+        f"{rarn[1]:.2f}, by the last frame {rarn[2]:.2f}.",
     ]

@@ -8,9 +8,10 @@ a node's own mesh lies inside its box and cannot hide it.
 Sections 5.1 and 5.2 in these terms. A node that was visible in the previous frame is handled without waiting, by a
 predicted μ̂: 1 − s / S from its place s in the queue, or what was measured last (`predictor="temporal"`). "The scheduled
 position of the node in the priority queue" can be read in two ways: how many were scheduled before it in this frame
-(`"queue"`), or its rank among those that wait when it is scheduled (`"rank"`), which is never far from 0. All others are
-handled when their answer is there, by the measured μ. A drawn node whose answer says that it needs refinement (RARN in
-Table 1) is taken out of the picture again and its children take its place, drawn without waiting: the paper draws both.
+(`"queue"`), or its rank among those that wait when it is scheduled (`"rank"`), which is never far from 0. All others
+are handled when their answer is there, by the measured μ. A drawn node whose answer says that it needs refinement (RARN
+in Table 1) is taken out of the picture again and its children take its place, drawn without waiting: the paper draws
+both.
 
 The paper takes an answer as soon as it is there. When that is depends on the clock, and so would what is drawn. Here
 it is taken `lag` chunks later, waiting if need be, so that a run can be repeated bit for bit.

@@ -31,7 +31,7 @@ from .opening import Entry, Opening
 #: Children's boxes replace that of a node if their surfaces together are at most so many times its own.
 TIGHT = 1.4
 
-#: No query for more is worth most: the best number is 11 where each stays hidden with a probability of 0.99, the highest.
+#: No query for more is worth most: the best number is 11 where each stays hidden with the highest probability, 0.99.
 MOST = 16
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from ..scene import Scene
 from .layout import I64
 from .user_batches import UserBatches
+from .user_levels import UserLevels
 
 if TYPE_CHECKING:
     from ..frame import Frame
@@ -88,6 +89,12 @@ class UserActors:
         self._states = [_state(a) for a in self._actors]
         visible = np.array([state[0] for state in self._states], bool)
         self._batches = UserBatches(self._actors, self._top & visible & self._together)
+        once = np.bincount(self._actor_of_row, minlength=len(self._actors)) == 1
+        own_row = np.full(len(self._actors), -1)
+        own_row[self._actor_of_row] = np.arange(self.snapshot.n)
+        opaque = np.zeros(len(self._actors), bool)
+        opaque[self._actor_at[(self._actor_at >= 0) & self._in_order]] = True
+        self._levels = UserLevels(self._actors, np.where(once & self._top & opaque, own_row, -1))
         self._mark = int(self._watched.GetMTime())
 
     def _read_list(self) -> None:
@@ -106,7 +113,8 @@ class UserActors:
             self._edited.add(index)
 
         points = data.GetPoints() if hasattr(data, "GetPoints") else None
-        for thing in (mapper, data, points):
+        table = mapper.GetLookupTable() if mapper.GetScalarVisibility() else None
+        for thing in (mapper, data, points, table):
             if thing is not None:
                 self._observed.append((thing, thing.AddObserver("ModifiedEvent", edited)))
         source = mapper.GetInputAlgorithm()
@@ -120,7 +128,8 @@ class UserActors:
             thing.RemoveObserver(observer)
         self._observed.clear()
         self._watched = None
-        self._batches.release(self._renderer.GetRenderWindow())
+        for made in (self._batches, self._levels):
+            made.release(self._renderer.GetRenderWindow())
 
     def change(self) -> str:
         """What the snapshot does not know about the actors, or ''.
@@ -147,12 +156,13 @@ class UserActors:
                 return "an actor was moved, hidden or edited"
             if self._batches.has_changed(index):
                 self._batches.leave(index)
+            self._levels.leave(index)
         self._edited.clear()
         self._mark = int(self._watched.GetMTime())
         return ""
 
     def apply(self, frame: Frame) -> None:
-        """Draw the actors of which a row is visible; stand-ins are not drawn, but what they stand for is."""
+        """Draw the actors of which a row is visible, at its level; not stand-ins, but what they stand for."""
         wanted = np.zeros(len(self._actors), bool)
         wanted[self._actor_of_row[frame.kept()]] = True
         # parts of an assembly, which stays
@@ -161,20 +171,29 @@ class UserActors:
             actor.VisibilityOff()
         # what is not known here is drawn always
         drawn = np.where(self._actor_at >= 0, wanted[self._actor_at], True)
+        coarse, levels = self._levels.coarse(frame)
         places = np.flatnonzero(drawn & self._in_order)
-        runs = self._batches.runs(self._actor_at[places], self._renderer) if self._together else []
-        if not runs and drawn.all():
+        # a level is drawn on its own, and between the pieces of a batch as its actor would be
+        order = np.where(np.isin(self._actor_at[places], coarse), -1, self._actor_at[places])
+        runs = self._batches.runs(order, self._renderer) if self._together else []
+        if not runs and not levels and drawn.all():
             return
+        props = self._list
+        if levels:
+            # None at the end: NumPy must not look into the actors for numbers
+            instead, own = np.array([*self._actors, None], object), np.array([*props, None], object)[:-1]
+            instead[coarse] = levels
+            props = np.where(self._actor_at >= 0, instead[self._actor_at], own).tolist()
         for first, end, _ in runs:
             drawn[places[first:end]] = False
         shown: list[Any] = []
         at = 0
         for first, _, actor in runs:
             place = int(places[first])
-            shown += compress(self._list[at:place], drawn[at:place].tolist())
+            shown += compress(props[at:place], drawn[at:place].tolist())
             shown.append(actor)
             at = place
-        shown += compress(self._list[at:], drawn[at:].tolist())
+        shown += compress(props[at:], drawn[at:].tolist())
         self._replaced = True
         # not by AddActor and RemoveActor: what is taken out would lose all that is loaded into the GPU
         self._fill(shown)

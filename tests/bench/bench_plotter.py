@@ -18,6 +18,7 @@ import pytest
 
 from data_files import DATA
 from scenegraph import Registry, Scene, Snapshot, View
+from scenegraph.compare.metrics import snr_db
 from scenegraph.render.item_buffer import ItemBuffer
 
 pytestmark = pytest.mark.gl
@@ -150,4 +151,50 @@ def test_interactive_frame(benchmark: Any, name: str) -> None:
             info[what + f"plain / {kind}"] = statistics.median(ratios)
     benchmark.pedantic(frame, rounds=1)
     truth.close()
+    plotter.close()
+
+
+def test_levels_of_heavy_meshes(benchmark: Any) -> None:
+    """Scans in a user's plot: all drawn, in the frustum only, and at levels within some pixels of the finest."""
+    folder = DATA / "meshes"
+    if not folder.exists():
+        pytest.skip(f"{folder} is missing")
+    scene = Registry().scene("inspection").build(depth="high", model=str(folder))
+    views = [v.resized(*SIZE) for v in scene.paths["inspection"][::60]]
+    plotter, _ = filled(scene.snapshot())
+    camera, window = plotter.renderer.GetActiveCamera(), plotter.render_window
+    info = benchmark.extra_info
+    pictures, plain = [], []
+    for text in ("", "frustum", *(f"frustum | lod_error(pixels={p})" for p in (1, 2, 4))):
+        if text:
+            start = time.perf_counter()
+            plotter.scenegraph.enable(text, background=False)
+            window.Render()
+            info[f"{text}: s to enable"] = time.perf_counter() - start
+        times, decibels, triangles = [], [], []
+        for i, view in enumerate(views):
+            view.to_vtk(camera)
+            window.Render()
+            start = time.perf_counter()
+            window.Render()
+            window.WaitForCompletion()
+            times.append(1e3 * (time.perf_counter() - start))
+            picture = np.array(plotter.screenshot(return_img=True))[..., :3]
+            if text:
+                (driver,) = plotter.scenegraph.drivers
+                decibels.append(snr_db(picture, pictures[i]))
+                triangles.append(driver.frame.record.triangles)
+            else:
+                pictures.append(picture)
+        plain = plain or times
+        info[f"{text or 'plain'}: ms"] = statistics.median(times)
+        if text:
+            info[f"{text}: plain / this, median and worst"] = (
+                f"{statistics.median(a / b for a, b in zip(plain, times, strict=True)):.1f}, "
+                f"{min(a / b for a, b in zip(plain, times, strict=True)):.1f}"
+            )
+            info[f"{text}: triangles"] = statistics.median(triangles)
+            info[f"{text}: worst SNR, dB"] = min(decibels)
+            plotter.scenegraph.disable()
+    benchmark.pedantic(window.Render, rounds=1)
     plotter.close()
