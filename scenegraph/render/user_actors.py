@@ -164,7 +164,8 @@ class UserActors:
     def apply(self, frame: Frame) -> None:
         """Draw the actors of which a row is visible, at its level; not stand-ins, but what they stand for."""
         wanted = np.zeros(len(self._actors), bool)
-        wanted[self._actor_of_row[frame.kept()]] = True
+        kept = frame.kept()
+        wanted[self._actor_of_row[kept]] = True
         # parts of an assembly, which stays
         self._switched_off = [self._actors[i] for i in np.flatnonzero(~wanted & ~self._top).tolist()]
         for actor in self._switched_off:
@@ -172,6 +173,12 @@ class UserActors:
         # what is not known here is drawn always
         drawn = np.where(self._actor_at >= 0, wanted[self._actor_at], True)
         coarse, levels = self._levels.coarse(frame)
+        if frame.standins or frame.level.any():
+            # what is drawn here, where that is more than the stages have asked for
+            level = np.zeros(self.snapshot.n, np.uint8)
+            rows = self._levels.row[coarse]
+            level[rows] = frame.level[rows]
+            frame.record.triangles = int(self.snapshot.triangles[level[kept], np.flatnonzero(kept)].sum())
         places = np.flatnonzero(drawn & self._in_order)
         # a level is drawn on its own, and between the pieces of a batch as its actor would be
         order = np.where(np.isin(self._actor_at[places], coarse), -1, self._actor_at[places])

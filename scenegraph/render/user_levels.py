@@ -33,10 +33,15 @@ class UserLevels:
     actors : sequence of vtkActor
     row_of_actor : (a,) int64
         The row that each actor is; -1 for those that are several, or must not be exchanged.
+
+    Attributes
+    ----------
+    row : (a,) int64
+        As given.
     """
 
     def __init__(self, actors: Sequence[Any], row_of_actor: I64) -> None:
-        self._actors, self._row = actors, row_of_actor
+        self._actors, self.row = actors, row_of_actor
         self._refused: Mask = row_of_actor < 0
         self._coloring: dict[int, tuple[Any, ...]] = {}
         self._made = np.full((len(actors), 0), None, object)
@@ -52,7 +57,7 @@ class UserLevels:
         level = frame.level
         if not level.any():
             return np.zeros(0, np.int64), []
-        level = np.where(self._refused, 0, level[self._row])
+        level = np.where(self._refused, 0, level[self.row])
         index = np.flatnonzero(level)
         if self._made.shape[1] < frame.snapshot.level_meshes.shape[1]:
             self._made = np.full((len(self._actors), frame.snapshot.level_meshes.shape[1]), None, object)
@@ -63,7 +68,7 @@ class UserLevels:
         return index[kept], found[kept].tolist()
 
     def _make(self, index: int, level: int, snapshot: Snapshot) -> Any:
-        actor, row = self._actors[index], int(self._row[index])
+        actor, row = self._actors[index], int(self.row[index])
         number = int(snapshot.level_meshes[row, level])
         coloring = coloring_of(actor)
         if number < 0 or coloring is None:

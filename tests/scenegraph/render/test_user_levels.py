@@ -140,6 +140,7 @@ def test_what_is_more_than_a_surface_is_drawn_as_it_is(made: Callable[..., Any],
     assert driver.off_because == ""
     assert driver.frame is not None
     assert driver.frame.level.any()
+    assert driver.frame.record.triangles == driver.snapshot.triangles[0].sum()
     assert np.array_equal(picture, whole(plotter, driver))
 
 
