@@ -6,7 +6,6 @@ Exit codes: 0 done, 1 finished with findings that the user asked to be failed on
 from __future__ import annotations
 
 import inspect
-import json
 import sys
 from collections.abc import Callable
 from functools import wraps
@@ -20,6 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from scenegraph.errors import ScenegraphError
+from scenegraph.json_text import json_text
 
 if TYPE_CHECKING:
     from scenegraph.registry import Entry, Registry
@@ -379,7 +379,7 @@ def _print_failures(registry: Registry) -> None:
 
 
 def _print_json(value: Any) -> None:
-    print(json.dumps(value, indent=2))
+    print(json_text(value, indent=2))
 
 
 def _console() -> Console:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TextIO
+
+from .json_text import json_text
 
 
 @dataclass
@@ -124,7 +125,7 @@ class FrameLog:
         for stage in record.stages:
             ms, *values = (getattr(stage, column) for column in STAGE_COLUMNS)
             done = [f"{ms:.4f}", *("" if value is None else value for value in values)]
-            counts = json.dumps(stage.counts) if stage.counts else ""
+            counts = json_text(stage.counts) if stage.counts else ""
             rows.append([pipeline, record.index, stage.name, *done, *whole, counts, *[""] * len(own)])
         return rows
 
@@ -132,7 +133,7 @@ class FrameLog:
         """One JSON object per frame."""
         with Path(path).open("w", encoding="utf-8") as file:
             for pipeline, record, extra in self.entries:
-                file.write(json.dumps({"pipeline": pipeline, **asdict(record), **extra}) + "\n")
+                file.write(json_text({"pipeline": pipeline, **asdict(record), **extra}) + "\n")
 
     def write_trace(self, path: str | Path) -> None:
         """Chrome/Perfetto trace: one track per pipeline, frames laid end to end, stages nested in them."""
@@ -157,7 +158,7 @@ class FrameLog:
             if draw:
                 events.append(_event(tid, "draw", start + cull, draw, {"triangles": record.triangles}))
             clock[pipeline] = start + cull + draw
-        Path(path).write_text(json.dumps({"traceEvents": events, "displayTimeUnit": "ms"}), encoding="utf-8")
+        Path(path).write_text(json_text({"traceEvents": events, "displayTimeUnit": "ms"}), encoding="utf-8")
 
 
 def _exact(ms: float) -> float:
@@ -166,9 +167,5 @@ def _exact(ms: float) -> float:
 
 
 def _event(tid: int, name: str, start_ms: float, ms: float, args: Mapping[str, Any]) -> dict[str, Any]:
-    safe = {k: v for k, v in args.items() if isinstance(v, (int, float, str)) and v == v and abs(_size(v)) < 1e300}
+    safe = {k: v for k, v in args.items() if isinstance(v, (int, float, str)) and v == v}
     return {"ph": "X", "pid": 1, "tid": tid, "name": name, "ts": start_ms * 1e3, "dur": ms * 1e3, "args": safe}
-
-
-def _size(value: Any) -> float:
-    return float(value) if isinstance(value, (int, float)) else 0.0

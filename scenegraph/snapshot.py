@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SceneError
+from .flattening import flattened
 from .hierarchy import spatialize
-from .kernels.boxes import box_from_bounds, box_packed, box_to_bounds, box_transformed
+from .kernels.boxes import box_packed, box_to_bounds, box_transformed
 from .kernels.slices import slice_expand
 from .mesh import Mesh
-from .nodes import Change, Geode, Group, Lod, Node, Switch, Transform
+from .nodes import Change, Geode, Group, Lod, Node, Transform
 from .occluder import Occluder
 from .occluders import OccluderTable
+from .shape_table import ShapeTable
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -70,7 +72,6 @@ class Snapshot:
         self.version = 0
         self.structure_version = 0
         self._moved: dict[int, Transform] = {}
-        self._local_boxes: NDArray[np.float64]
         self._shape_index: NDArray[np.int32]
         self.unknown: NDArray[np.bool_]
         self._rebuild = False
@@ -89,145 +90,61 @@ class Snapshot:
                 self._watched._unlisten(self)
             root._listen(self)
             self._watched = root
-        nodes: list[Geode | Lod] = []
-        row_group: list[int] = []
-        row_transform: list[int] = []
-        row_keep: list[bool] = []
-        groups: list[Group] = []
-        group_parent: list[int] = []
-        transforms: list[Transform | None] = [None]
-        transform_parent: list[int] = [-1]
-        group_rows: list[int] = []
-        occluders: list[tuple[Occluder, int]] = []
-        # depth first; a group's entry in `group_rows` is its first row, its end follows from the walk
-        group_end: list[int] = []
-        stack: list[tuple[Node | None, int, int, bool]] = [(root, -1, 0, False)]
-        while stack:
-            node, group, transform, keep = stack.pop()
-            if node is None:
-                group_end[group] = len(nodes)
-                continue
-            keep = keep or node._never_cull
-            if isinstance(node, Group):
-                if isinstance(node, Transform):
-                    transforms.append(node)
-                    transform_parent.append(transform)
-                    transform = len(transforms) - 1
-                groups.append(node)
-                group_parent.append(group)
-                group_rows.append(len(nodes))
-                group_end.append(-1)
-                group = len(groups) - 1
-                stack.append((None, group, 0, False))
-                below = node.active_children() if isinstance(node, Switch) else node._children
-                stack.extend((child, group, transform, keep) for child in reversed(below))
-            elif isinstance(node, (Geode, Lod)):
-                nodes.append(node)
-                row_group.append(group)
-                row_transform.append(transform)
-                row_keep.append(keep)
-            elif isinstance(node, Occluder):
-                occluders.append((node, transform))
-        self._transform_nodes = transforms
-        self._transform_parent = np.array(transform_parent, np.int32)
-        self._transform_row = {id(t): i for i, t in enumerate(transforms) if t is not None}
-        self.transforms = np.tile(np.eye(4), (len(transforms), 1, 1))
-        self._update_transforms(np.arange(len(transforms)))
+        flat = flattened(root)
+        self._transform_nodes = flat.transforms
+        self._transform_parent = flat.transform_parent
+        self._transform_row = {id(t): i for i, t in enumerate(flat.transforms) if t is not None}
+        self.transforms = np.tile(np.eye(4), (len(flat.transforms), 1, 1))
+        self._update_transforms(np.arange(len(flat.transforms)))
 
-        self.n = len(nodes)
-        self._collect_meshes(nodes)
-        transform_index = np.array(row_transform, np.int32)
-        boxes = box_transformed(self._local_boxes[:, self._shape_index], self.transforms[transform_index])
-        boxes[:, ~np.isfinite(boxes).all(axis=0)] = np.nan
-        order, self.tree = spatialize(
-            boxes, np.array(row_group, np.int64), np.array(group_parent, np.int64), fanout=self.fanout
-        )
+        self.n = len(flat.drawables)
+        self._shapes, shape_index = ShapeTable.build(flat.drawables, self._chains)
+        boxes = self._placed(shape_index, flat.transform)
+        order, self.tree = spatialize(boxes, flat.group, flat.group_parent, fanout=self.fanout)
         position = np.empty(self.n, np.int64)
         position[order] = np.arange(self.n)
         self.boxes = np.ascontiguousarray(boxes[:, order])
-        self.transform_index = transform_index[order]
-        self.geodes: list[Geode | Lod] = [nodes[i] for i in order]
+        self.transform_index = flat.transform[order]
+        self.geodes: list[Geode | Lod] = [flat.drawables[i] for i in order]
         self.keys = np.array([node.serial for node in self.geodes], np.int64)
         self._row_by_key: dict[int, int] = {}
-        self.never_cull = np.array(row_keep, bool)[order]
-        self._shape_index = self._shape_index[order]
-        self._shape_arrays()
+        self.never_cull = flat.never_cull[order]
+        self._shape_index = shape_index[order]
+        self._take_shapes()
         self._paint()
         self._set_origin()
         self._repack(None)
         self._rows_by_transform: tuple[NDArray[np.int32], NDArray[np.int64]] | None = None
         # a group's rows are a slice in either order, if not the same rows in the same order
         self._group_slice: dict[int, tuple[int, int]] = {}
-        for node, a, b in zip(groups, group_rows, group_end, strict=True):
+        for node, a, b in zip(flat.groups, flat.group_first, flat.group_end, strict=True):
             if b > a:
                 start = int(position[a:b].min()) if b - a < self.n else 0
                 self._group_slice[id(node)] = (start, start + b - a)
-        self._occluder_nodes = occluders
+        self._occluder_nodes = flat.occluders
         self._build_occluders()
         self._moved.clear()
         self._rebuild = False
 
-    def _collect_meshes(self, nodes: Sequence[Geode | Lod], known: Sequence[Mesh] = ()) -> None:
-        """Number meshes and shapes; a shape is what rows share: the meshes of all levels and their errors.
+    def _placed(self, shapes: NDArray[np.int32], transforms: NDArray[np.int32]) -> NDArray[np.float64]:
+        """World boxes of shapes below transforms; all NaN where a number is not finite."""
+        boxes = box_transformed(self._shapes.boxes[:, shapes], self.transforms[transforms])
+        boxes[:, ~np.isfinite(boxes).all(axis=0)] = np.nan
+        return boxes
 
-        Meshes that are known keep their numbers.
-        """
-        self.meshes: list[Mesh] = list(known)
-        mesh_number = {id(mesh): number for number, mesh in enumerate(self.meshes)}
-        shape_number: dict[tuple[object, ...], int] = {}
-        key: tuple[object, ...]
-        shapes: list[tuple[tuple[int, ...], tuple[float, ...]]] = []
-        index = np.empty(len(nodes), np.int32)
-        for row, node in enumerate(nodes):
-            if isinstance(node, Geode):
-                chain = self._chains.get(node._mesh)
-                levels = (node._mesh,) if chain is None else tuple(mesh for mesh, _ in chain)
-                errors = (0.0,) if chain is None else tuple(error for _, error in chain)
-                key = (id(node._mesh),)
-            else:
-                levels, errors = tuple(g._mesh for g in node.levels), node.errors
-                key = (*map(id, levels), *map(str, errors))
-            number = shape_number.get(key)
-            if number is None:
-                for mesh in levels:
-                    if id(mesh) not in mesh_number:
-                        mesh_number[id(mesh)] = len(self.meshes)
-                        self.meshes.append(mesh)
-                number = shape_number[key] = len(shapes)
-                shapes.append((tuple(mesh_number[id(m)] for m in levels), errors))
-            index[row] = number
-        self._shape_index = index
-        depth = max((len(s[0]) for s in shapes), default=1)
-        self._shape_meshes = np.full((len(shapes), depth), -1, np.int32)
-        self._shape_errors = np.full((len(shapes), depth), np.nan)
-        bounds = np.full((6, len(shapes)), np.nan)
-        for i, (meshes, errors) in enumerate(shapes):
-            self._shape_meshes[i, : len(meshes)] = meshes
-            self._shape_errors[i, : len(errors)] = errors
-            corners = np.array([self.meshes[m].bounds for m in meshes])
-            bounds[:3, i], bounds[3:, i] = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
-        self._local_boxes = box_from_bounds(bounds[:3], bounds[3:])
-
-    def _shape_arrays(self) -> None:
-        self.level_meshes = self._shape_meshes[self._shape_index]
-        counts = np.array([m.triangles for m in self.meshes] + [0], np.int32)
-        self.triangles = np.ascontiguousarray(counts[self.level_meshes].T)
+    def _take_shapes(self) -> None:
+        shapes = self._shapes
+        self.meshes: list[Mesh] = shapes.meshes
+        self.level_meshes = shapes.levels[self._shape_index]
+        self.triangles = shapes.triangles(self.level_meshes)
         self.level_count = (self.level_meshes >= 0).sum(axis=1).astype(np.uint8)
-        self.errors = np.full((self._shape_errors.shape[1], self.n), np.nan, np.float32)
+        self.errors = np.full((shapes.errors.shape[1], self.n), np.nan, np.float32)
         self._scale_errors(np.arange(self.n))
 
     def _scale_errors(self, rows: NDArray[np.int64]) -> None:
-        """Model errors in world units: times the largest singular value, by which a matrix can stretch them at most."""
-        errors = self._shape_errors[self._shape_index[rows]].T
-        if len(errors) > 1:
-            used, which = np.unique(self.transform_index[rows], return_inverse=True)
-            linear = self.transforms[used, :3, :3]
-            gram = np.einsum("tij,tik->tjk", linear, linear)
-            stretch = np.full(len(gram), np.nan)
-            finite = np.isfinite(gram).all(axis=(1, 2))
-            stretch[finite] = np.sqrt(np.maximum(np.linalg.eigvalsh(gram[finite])[:, -1], 0.0))
-            errors = errors * stretch[which]
-        self.errors[:, rows] = errors
+        self.errors[:, rows] = self._shapes.world_errors(
+            self._shape_index[rows], self.transforms, self.transform_index[rows]
+        )
 
     def _paint(self) -> None:
         self.colors = np.array([self._color(node) for node in self.geodes], np.float32).reshape(-1, 4)
@@ -290,10 +207,10 @@ class Snapshot:
         if any(not chain or chain[0][0] is not mesh for mesh, chain in new.items()):
             raise SceneError("adopted levels begin with the mesh that they belong to")
         self._chains |= new
-        before = self._local_boxes[:, self._shape_index]
-        self._collect_meshes(self.geodes, self.meshes)
-        if np.array_equal(before, self._local_boxes[:, self._shape_index], equal_nan=True):
-            self._shape_arrays()
+        before = self._shapes.boxes[:, self._shape_index]
+        self._shapes, self._shape_index = ShapeTable.build(self.geodes, self._chains, self.meshes)
+        if np.array_equal(before, self._shapes.boxes[:, self._shape_index], equal_nan=True):
+            self._take_shapes()
         else:
             self._build()
         self._prepared.clear()
@@ -438,11 +355,7 @@ class Snapshot:
             self._rows_by_transform = order, start
         order, start = self._rows_by_transform
         rows = np.sort(order[slice_expand(start[index], start[index + 1])]).astype(np.int64)
-        boxes = box_transformed(
-            self._local_boxes[:, self._shape_index[rows]], self.transforms[self.transform_index[rows]]
-        )
-        boxes[:, ~np.isfinite(boxes).all(axis=0)] = np.nan
-        self.boxes[:, rows] = boxes
+        self.boxes[:, rows] = self._placed(self._shape_index[rows], self.transform_index[rows])
         self._repack(rows)
         if len(self.errors) > 1:
             self._scale_errors(rows)

@@ -19,6 +19,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 from PIL import Image
@@ -194,6 +195,12 @@ class Messages:
 
     async def call(self, method: str, *arguments: Any, system: bool = False) -> Any:
         """What the server answers to a call."""
+        answer = await self.answer(method, *arguments, system=system)
+        assert "error" not in answer, answer
+        return answer["result"]
+
+    async def answer(self, method: str, *arguments: Any, system: bool = False) -> dict[str, Any]:
+        """What the server answers, be it a result or an error."""
         import msgpack
         from wslink.chunking import UnChunker, generate_chunks
 
@@ -206,24 +213,25 @@ class Messages:
         parts.set_max_message_size(1 << 30)
         while True:
             received = await asyncio.wait_for(self._socket.receive_bytes(), PATIENCE)
-            answer = parts.process_chunk(received)
+            answer: dict[str, Any] | None = parts.process_chunk(received)
             if answer is not None and answer.get("id") == name:
-                assert "error" not in answer, answer
-                return answer["result"]
+                return answer
 
 
 def talk(address: str, act: Callable[[Messages, Any], Awaitable[None]]) -> None:
-    """Connect to the server of a page, as the page would."""
+    """Connect to the server of a page, as the page would: the secret is part of the address."""
+    parts = urlsplit(address)
+    (secret,) = parse_qs(parts.query)["secret"]
 
     async def run() -> None:
         import aiohttp
 
         async with (
             aiohttp.ClientSession() as client,
-            client.ws_connect(f"{address}ws", max_msg_size=0) as socket,
+            client.ws_connect(f"http://{parts.netloc}/ws", max_msg_size=0) as socket,
         ):
             messages = Messages(socket)
-            await messages.call("wslink.hello", {"secret": "wslink-secret"}, system=True)
+            await messages.call("wslink.hello", {"secret": secret}, system=True)
             await act(messages, client)
 
     asyncio.run(run())

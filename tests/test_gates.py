@@ -310,6 +310,16 @@ def test_docs_show_every_public_name():
     assert "```{kernels}\n```" in text(DOCS / "api.md")
 
 
+# Files
+
+
+@pytest.mark.parametrize("path", sources("scenegraph", "plugins"), ids=relative)
+def test_json_is_written_in_one_place(path):
+    """`json.dump` writes what is not JSON; glTF is a user's own text, handed on to trimesh as it came."""
+    if relative(path) not in ("scenegraph/json_text.py", "scenegraph/exchange/gltf.py"):
+        assert not re.search(r"\bjson\.dumps?\b|\bfrom json\b", text(path))
+
+
 # Imports
 
 

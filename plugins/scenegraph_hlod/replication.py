@@ -147,10 +147,8 @@ def _likeness(depth: str, played: dict[str, Any], whole: dict[int, NDArray[np.ui
                 numbers = [v[kind] for v in values if kind in v]
                 if numbers:
                     worst = max(numbers) if kind == "FLIP" else min(numbers)
-                    # all pictures are equal: there is no number for that in decibels
-                    if np.isfinite(worst):
-                        column = f"{kind} against {what}, at worst"
-                        cells.append(Cell("Image", _SCENES[depth], name, column, unit, None, float(worst)))
+                    column = f"{kind} against {what}, at worst"
+                    cells.append(Cell("Image", _SCENES[depth], name, column, unit, None, float(worst)))
     return cells
 
 

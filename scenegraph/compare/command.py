@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import sys
 import tempfile
@@ -17,6 +16,7 @@ from rich.console import Console
 from scenegraph.compare.results import RunResult
 from scenegraph.compare.suite import Suite, add_pipelines, find_suite
 from scenegraph.errors import ScenegraphError
+from scenegraph.json_text import json_text
 from scenegraph.progress import Progress
 from scenegraph.registry import Registry, registry
 
@@ -151,7 +151,7 @@ def write_run(run: RunResult, folder: Path, json_file: str | None = None) -> dic
     from scenegraph.compare.summary import summarize
 
     summary = summarize(run)
-    text = json.dumps(summary, indent=2) + "\n"
+    text = json_text(summary, indent=2) + "\n"
     (folder / "summary.json").write_text(text, encoding="utf-8")
     if json_file == "-":
         sys.stdout.write(text)

@@ -6,7 +6,7 @@ paper each measured number stands beside. The host knows no paper by name.
 
 from __future__ import annotations
 
-import json
+import math
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -24,6 +24,7 @@ from scenegraph.compare.counting import CountedRun, count_along
 from scenegraph.compare.results import RunResult
 from scenegraph.compare.suite import suite_of
 from scenegraph.errors import ScenegraphError, nearest
+from scenegraph.json_text import json_text
 from scenegraph.log import FrameLog
 from scenegraph.progress import Progress
 from scenegraph.registry import Registry, registry
@@ -278,7 +279,7 @@ def replicate(
         laboratory = Laboratory(known, folder, tell, quick=quick, model=model)
         found: Replication = known.replications[paper].build(laboratory)
     found.runs = laboratory.summaries
-    text = json.dumps(as_json(found), indent=2) + "\n"
+    text = json_text(as_json(found), indent=2) + "\n"
     (folder / "replication.json").write_text(text, encoding="utf-8")
     if json_file == "-":
         sys.stdout.write(text)
@@ -340,6 +341,8 @@ def number(value: float | None) -> str:
     """A number as short as a table wants it."""
     if value is None or value != value:
         return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
     return f"{value:,.0f}".replace(",", " ") if abs(value) >= 1000 else f"{value:.3g}"
 
 

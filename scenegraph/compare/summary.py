@@ -1,7 +1,6 @@
 """`summary.json`: the numbers of a run, means over frames unless the name says otherwise, times as medians.
 
-An image that equals its reference has an SNR of +inf dB. JSON has no infinity; the file holds `Infinity`, as
-Python's `json` writes and reads it.
+An image that equals its reference has an SNR of +inf dB, which the file spells as `scenegraph.json_text` does.
 """
 
 from __future__ import annotations

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import os
 import sys
 import tempfile
@@ -20,6 +19,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..json_text import json_text
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -72,7 +73,7 @@ class DiskCache:
         settings : mapping
             Everything else that the result depends on; plain values.
         """
-        text = json.dumps([content, version, dict(settings)], sort_keys=True)
+        text = json_text([content, version, dict(settings)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:40]
 
     def _path(self, kind: str, key: str) -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..errors import ScenegraphError
+from ..json_text import json_text
 from ..nodes import Node, Transform
 from .placing import MeshOccluders, SceneOccluders, occluders_for
 
@@ -62,7 +62,7 @@ def run(
     if out is not None:
         _write(found, out)
     if as_json:
-        sys.stdout.write(json.dumps(_plain(scene, found), indent=2) + "\n")
+        sys.stdout.write(json_text(_plain(scene, found), indent=2) + "\n")
         return found
     console = console or Console(width=None if sys.stdout.isatty() else 132, highlight=False)
     console.print(_table(found))
@@ -148,7 +148,7 @@ def _closed(m: MeshOccluders) -> str:
 def _write(found: SceneOccluders, out: Path) -> None:
     try:
         if out.suffix.lower() == ".json":
-            out.write_text(json.dumps({"occluders": list(_data(found))}) + "\n", encoding="utf-8")
+            out.write_text(json_text({"occluders": list(_data(found))}) + "\n", encoding="utf-8")
         else:
             _model(found).export(str(out))
     except OSError as error:

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..json_text import json_text
 from ..nodes import Node
 from ..occluder import Occluder
 
@@ -138,7 +139,7 @@ class FittedOccluders:
         points = [o.points for o in self.occluders]
         return {
             "points": np.concatenate(points) if points else np.zeros((0, 3)),
-            "meta": np.frombuffer(json.dumps(meta).encode(), np.uint8),
+            "meta": np.frombuffer(json_text(meta).encode(), np.uint8),
         }
 
     @classmethod

@@ -26,6 +26,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import GLError
+from ..json_text import json_text
 
 WINDOW_VARIABLE = "VTK_DEFAULT_OPENGL_WINDOW"
 REPORT_VARIABLE = "SCENEGRAPH_GL_REPORT"
@@ -129,7 +130,7 @@ def probe() -> GLReport:
         key = _surroundings()
         _reports[key] = report
         if report.ok:
-            os.environ[REPORT_VARIABLE] = json.dumps({"key": key, "report": report.to_dict()})
+            os.environ[REPORT_VARIABLE] = json_text({"key": key, "report": report.to_dict()})
     return _reports[key]
 
 
@@ -273,7 +274,7 @@ def report_here() -> None:
     kind = window.GetClassName()
     what = f"{gl['renderer']}, OpenGL {gl['version']}, through {kind}"
     found = {"ok": True, "window_class": kind, "message": what, **gl, **attached}
-    sys.stdout.write(f"{_MARK}{json.dumps(found)}\n")
+    sys.stdout.write(f"{_MARK}{json_text(found)}\n")
     sys.stdout.flush()
     # some drivers crash while they are unloaded; the answer is already out
     os._exit(0)
@@ -285,7 +286,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true", help="print the whole report as JSON")
     as_json = parser.parse_args(argv).json
     report = probe()
-    sys.stdout.write((json.dumps(report.to_dict(), indent=2) if as_json else report.message) + "\n")
+    sys.stdout.write((json_text(report.to_dict(), indent=2) if as_json else report.message) + "\n")
     return 0 if report.ok else 2
 
 

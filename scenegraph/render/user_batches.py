@@ -16,18 +16,14 @@ triangles without extent give it the bounds of the world.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..exchange.vtk_data import mapped_colors
 from .actors import borrowed
-from .layout import F32, F64, I32, I64, U8, Mask, picked, spread
+from .layout import F32, F64, I32, I64, Mask, picked
+from .user_looks import Shape, array_name, colors_of, look_of, shape_of
 
-#: Actors with more triangles are drawn on their own: a copy of their vertices costs more than a call.
-_HEAVY = 2000
 #: Fewer actors that look alike are not worth a batch.
 _FEWEST = 4
 #: Triangles of one call (measured with one sample per pixel in two cities: no pixel differs up to 340, up to two in a
@@ -35,8 +31,6 @@ _FEWEST = 4
 _TOGETHER = 340
 #: Texels of an item: to the display, to the eye, normals to the eye, color.
 _TEXELS, _PER_LINE = 12, 64
-_FLAT, _SURFACE, _BYTES = 0, 2, 3
-_MAPPERS = ("vtkDataSetMapper", "vtkOpenGLPolyDataMapper", "vtkPolyDataMapper")
 
 _DECLARED = f"""//VTK::Normal::Dec
 in float itemNumber;
@@ -74,135 +68,6 @@ _COLORED = """//VTK::Color::Impl
 """
 
 
-@dataclass(frozen=True)
-class _Shape:
-    """A data set as VTK's mapper uploads it.
-
-    Attributes
-    ----------
-    vertices : (v, 3) float32
-    faces : (t, 3) int32
-    normals : (v, 3) float32 or None
-    colors : (v, 4) uint8 or None
-    to_model : (4, 4) float64
-        Undoes the shift and the scale; transposed, as VTK keeps its matrices.
-    low, high : (3,) float64
-    """
-
-    vertices: F32
-    faces: I32
-    normals: F32 | None
-    colors: U8 | None
-    to_model: F64
-    low: F64
-    high: F64
-
-
-def look_of(actor: Any) -> tuple[Any, ...] | None:
-    """What actors must share to be drawn by one call, their color excepted; None for one that is drawn on its own."""
-    style, mapper, keys = actor.GetProperty(), actor.GetMapper(), actor.GetPropertyKeys()
-    if (
-        style.GetRepresentation() != _SURFACE
-        or style.GetOpacity() < 1
-        or style.GetEdgeVisibility()
-        or style.GetVertexVisibility()
-        or style.GetInterpolation() > 2
-        or style.GetNumberOfTextures()
-        or style.GetAmbientColor() != style.GetDiffuseColor()
-        or actor.GetTexture() is not None
-        or actor.GetBackfaceProperty() is not None
-        or actor.GetForceTranslucent()
-        or (keys is not None and keys.GetNumberOfKeys())
-        or actor.GetCoordinateSystem()
-        or actor.GetShaderProperty().GetNumberOfShaderReplacements()
-        or mapper.GetClassName() not in _MAPPERS
-        or mapper.GetClippingPlanes() is not None
-        or mapper.GetResolveCoincidentTopology()
-    ):
-        return None
-    data = mapper.GetInputDataObject(0, 0)
-    if data is None or not data.IsA("vtkPolyData"):
-        return None
-    cells = data.GetCellData()
-    if cells.GetNormals() is not None or data.HasAnyGhostCells() or not _is_plain(mapper, data):
-        return None
-    interpolation, specular = style.GetInterpolation(), style.GetSpecular()
-    if specular and (style.GetSpecularColor() != style.GetDiffuseColor() or mapper.GetScalarVisibility()):
-        return None
-    return (
-        interpolation,
-        interpolation != _FLAT and data.GetPointData().GetNormals() is not None,
-        style.GetAmbient(),
-        style.GetDiffuse(),
-        specular,
-        style.GetSpecularPower(),
-        style.GetLighting(),
-        style.GetBackfaceCulling(),
-        style.GetFrontfaceCulling(),
-    )
-
-
-def _is_plain(mapper: Any, data: Any) -> bool:
-    """Whether a mapper takes the color of the property, or opaque colors that the points have."""
-    if not mapper.GetScalarVisibility():
-        return True
-    points, mode = data.GetPointData(), mapper.GetScalarMode()
-    if mode == 0 and points.GetScalars() is None and data.GetCellData().GetScalars() is None:
-        return True
-    array = (
-        points.GetScalars() if mode in (0, 1) else points.GetArray(mapper.GetArrayName() or "") if mode == 3 else None
-    )
-    if array is None or array.GetDataType() != _BYTES or array.GetNumberOfComponents() not in (3, 4):
-        return False
-    return array.GetNumberOfComponents() == 3 or bool((_numpy(array)[:, 3] == 255).all())
-
-
-def _colors_of(mapper: Any, data: Any) -> U8 | None:
-    colors, _ = mapped_colors(mapper, data) if mapper.GetScalarVisibility() else (None, False)
-    return colors
-
-
-def _array_name(mapper: Any) -> str | None:
-    """Of what gives colors, as different actors may show different arrays of the same data."""
-    return f"{mapper.GetScalarMode()} {mapper.GetArrayName()}" if mapper.GetScalarVisibility() else None
-
-
-def shape_of(data: Any, with_normals: bool, colors: U8 | None) -> _Shape | None:
-    """The triangles of a `vtkPolyData`; None if it is heavy, empty, or has lines or points to draw."""
-    polygons = data.GetPolys()
-    if data.GetNumberOfVerts() or data.GetNumberOfLines() or data.GetNumberOfStrips() or data.GetPoints() is None:
-        return None
-    corners = polygons.GetNumberOfConnectivityIds()
-    if not 0 < corners - 2 * polygons.GetNumberOfCells() <= _HEAVY:
-        return None
-    points = _numpy(data.GetPoints().GetData())
-    if points.dtype.kind != "f" or not np.isfinite(points).all():
-        return None
-    normals = _numpy(data.GetPointData().GetNormals()).astype(np.float32) if with_normals else None
-    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
-    to_model = np.eye(4)
-    size, middle = high - low, 0.5 * (high + low)
-    extent, away = float((size * size).sum()), float((middle * middle).sum())
-    if (extent > 0 and (away / extent > 1e6 or abs(np.log10(extent)) > 3)) or (extent == 0 and away > 1e6):
-        scale = 1 / np.where(size > 0, size, 1.0)
-        points = (points - middle) * scale
-        to_model = np.diag([*(1 / scale), 1.0])
-        to_model[3, :3] = middle
-    faces = _fans(_numpy(polygons.GetOffsetsArray()), _numpy(polygons.GetConnectivityArray()))
-    return _Shape(points.astype(np.float32), faces, normals, colors, to_model, low, high)
-
-
-def _fans(offsets: I64, connectivity: I64) -> I32:
-    """(t, 3) polygons divided as VTK divides them: into a fan from their first corner."""
-    sizes = np.diff(offsets)
-    if (sizes == 3).all():
-        return connectivity.reshape(-1, 3).astype(np.int32)
-    counts = np.maximum(sizes - 2, 0)
-    first = np.repeat(offsets[:-1], counts)
-    second = spread(offsets[:-1] + 1, counts)
-    return np.stack([connectivity[first], connectivity[second], connectivity[second + 1]], axis=1).astype(np.int32)
-
-
 class UserBatches:
     """Batches of the actors of one renderer.
 
@@ -226,8 +91,8 @@ class UserBatches:
         self._triangles: I64 = np.zeros(len(actors), np.int64)
         self._looks: list[tuple[Any, ...] | None] = [None] * len(actors)
         groups: dict[tuple[Any, ...], list[int]] = {}
-        shapes: dict[Any, _Shape | None] = {}
-        shape_of_actor: dict[int, _Shape] = {}
+        shapes: dict[Any, Shape | None] = {}
+        shape_of_actor: dict[int, Shape] = {}
         for index in np.flatnonzero(allowed).tolist():
             actor = actors[index]
             look = look_of(actor)
@@ -235,9 +100,9 @@ class UserBatches:
                 continue
             mapper = actor.GetMapper()
             data = mapper.GetInputDataObject(0, 0)
-            key = (data.GetAddressAsString(""), look[1], _array_name(mapper))
+            key = (data.GetAddressAsString(""), look[1], array_name(mapper))
             if key not in shapes:
-                shapes[key] = shape_of(data, look[1], _colors_of(mapper, data))
+                shapes[key] = shape_of(data, look[1], colors_of(mapper, data))
             shape = shapes[key]
             if shape is not None:
                 groups.setdefault(look, []).append(index)
@@ -318,7 +183,7 @@ class UserBatches:
 class _Batch:
     """Actors that share a look. Each has a line in the table, and its vertices know which."""
 
-    def __init__(self, actors: Sequence[Any], shapes: Sequence[_Shape], smooth: bool) -> None:
+    def __init__(self, actors: Sequence[Any], shapes: Sequence[Shape], smooth: bool) -> None:
         from vtkmodules.vtkCommonDataModel import vtkImageData
         from vtkmodules.vtkRenderingCore import vtkProperty, vtkTexture
 
@@ -445,7 +310,7 @@ def _with_color(look: tuple[Any, ...], actor: Any) -> tuple[Any, ...]:
     return (*look, actor.GetProperty().GetDiffuseColor())
 
 
-def _world(shapes: Sequence[_Shape], models: F64) -> F32:
+def _world(shapes: Sequence[Shape], models: F64) -> F32:
     """(2, 3) corners of a box around all items."""
     low, high = np.array([s.low for s in shapes]), np.array([s.high for s in shapes])
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -472,10 +337,3 @@ def _product(first: F64, second: F64) -> F64:
     for i in range(1, first.shape[-1]):
         out = out + first[..., :, i : i + 1] * second[..., i : i + 1, :]
     return np.asarray(out)
-
-
-def _numpy(array: Any) -> NDArray[Any]:
-    from vtkmodules.util import numpy_support
-
-    convert: Any = numpy_support.vtk_to_numpy
-    return np.asarray(convert(array))

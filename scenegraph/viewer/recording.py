@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import SceneError, nearest
+from ..json_text import json_text
 from ..scene import Scene
 from ..scenes.paths import default_paths
 from ..snapshot import Snapshot
@@ -34,7 +35,7 @@ class Recorder:
         """
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps([view.to_dict() for view in self.views], indent=1) + "\n", encoding="utf-8")
+            path.write_text(json_text([view.to_dict() for view in self.views], indent=1) + "\n", encoding="utf-8")
         except OSError as error:
             raise SceneError(f"cannot write the camera path to {str(path)!r} ({error.strerror or error})") from error
 

@@ -1,13 +1,22 @@
 """The viewer in a browser: the same window, drawn here and shown there by pyvista's trame back end.
 
 What happens in the browser comes back as the name of an action of the key table, a stage, or a place of a slider, so
-that both viewers do the same. The server listens on this machine only.
+that both viewers do the same.
+
+The server listens on this machine only, and answers only to who knows the secret of the run, which is part of the
+address: other users of the machine can connect, too, and so can the pages of any site in the same browser.
 """
 
 from __future__ import annotations
 
 import asyncio
+import secrets
+import tempfile
+import webbrowser
+from contextlib import ExitStack
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from ..errors import ScenegraphError
 from .actions import ACTIONS
@@ -176,13 +185,16 @@ class WebViewer:
 
     def _build(self) -> None:
         from trame.ui.vuetify3 import VAppLayout
-        from trame.widgets import html
+        from trame.widgets import client, html
         from trame.widgets import vuetify3 as v3
 
         state = self.server.state
+        state.query = ""
         state.trame__title = f"scenegraph - {self.window.session.snapshot.scene.name}"
         with VAppLayout(self.server, theme="dark") as layout:
             layout.root.classes = "scenegraph"
+            # trame takes the secret out of the address once it is connected, and a page reloaded without it stays empty
+            client.ClientTriggers(mounted="utils.get('history').replaceState({}, '', query)")
             with v3.VNavigationDrawer(permanent=True, width=300):
                 with html.Div(classes="pa-4"):
                     html.Div("{{ pipeline }}", classes="text-body-2")
@@ -258,22 +270,46 @@ class WebViewer:
                 self._show()
 
     def run(self, port: int = 0, *, open_browser: bool = False) -> None:
-        """Serve the page until interrupted; the address is printed."""
+        """Serve the page until interrupted; the address is printed.
+
+        Parameters
+        ----------
+        port : int
+            0 takes any that is free.
+        open_browser : bool
+            Open the page in the user's browser.
+        """
         from rich.console import Console
 
+        # wslink's default is a word that everybody knows
+        self.server.cli.set_defaults(authKey=secrets.token_urlsafe(32))
+
         def ready(**_: Any) -> None:
-            address = f"http://{HOST}:{self.server.port}/"
-            Console(highlight=False).print(f"the viewer is at {address} (Ctrl+C ends it)", soft_wrap=True)
+            # asked for, as TRAME_ARGS may bring one of the user's own
+            query = f"?secret={quote(str(self.server.protocol.secret), safe='')}"
+            self.server.state.query = query
+            address = f"http://{HOST}:{self.server.port}/{query}"
+            Console(highlight=False).print(f"the viewer is at {address} (Ctrl+C ends it)", soft_wrap=True, markup=False)
+            if open_browser:
+                _open(address, Path(files.enter_context(tempfile.TemporaryDirectory(prefix="scenegraph-"))))
             # held, or it might be collected
             self._task = asyncio.ensure_future(self._clock())
 
         self.server.controller.on_server_ready.add(ready)
-        self.server.start(
-            port=port,
-            host=HOST,
-            open_browser=open_browser,
-            show_connection_info=False,
-            disable_logging=True,
-            timeout=0,
-        )
+        with ExitStack() as files:
+            self.server.start(
+                port=port,
+                host=HOST,
+                open_browser=False,
+                show_connection_info=False,
+                disable_logging=True,
+                timeout=0,
+            )
         self.window.close()
+
+
+def _open(address: str, folder: Path) -> None:
+    """Open a page by a file that leads there: every user can read the command line of a browser, but not the folder."""
+    file = folder / "viewer.html"
+    file.write_text(f'<!DOCTYPE html><meta http-equiv="refresh" content="0; url={address}">', encoding="utf-8")
+    webbrowser.open(file.as_uri())

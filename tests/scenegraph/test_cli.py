@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import os
 import re
 import signal
@@ -12,7 +11,6 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 import trimesh
 from typer.testing import CliRunner
@@ -22,6 +20,7 @@ from scenegraph import GLError
 from scenegraph.cli import app
 from scenegraph.compare.suite import builtin_suites
 from scenegraph.render.probe import GLReport
+from strict_json import parsed
 
 NO_GL = GLReport(
     ok=False,
@@ -88,7 +87,7 @@ print(sorted({{"vtk", "vtkmodules", "pyvista", "matplotlib", "trimesh", "moderng
 
 def test_stages_as_table_and_json() -> None:
     table, _ = run("stages")
-    answer = json.loads(run("stages", "--json")[0])
+    answer = parsed(run("stages", "--json")[0])
     assert answer["failures"] == []
     stages = {s["name"]: s for s in answer["stages"]}
     assert stages["frustum"]["guarantee"] == "conservative"
@@ -103,7 +102,7 @@ def test_stages_as_table_and_json() -> None:
 
 def test_scenes_as_table_and_json() -> None:
     table, _ = run("scenes")
-    answer = json.loads(run("scenes", "--json")[0])
+    answer = parsed(run("scenes", "--json")[0])
     assert {s["name"] for s in answer["suites"]} == set(builtin_suites())
     assert {"city", "olympia", "scatter"} <= {s["name"] for s in answer["scenes"]}
     for scene in answer["scenes"]:
@@ -113,7 +112,7 @@ def test_scenes_as_table_and_json() -> None:
 
 
 def test_doctor_as_table_and_json() -> None:
-    answer = json.loads(run("doctor", "--json")[0])
+    answer = parsed(run("doctor", "--json")[0])
     assert set(answer) == {"python", "packages", "gl", "plugins", "cures"}
     assert {"numpy", "vtk", "typer"} <= {p["name"] for p in answer["packages"] if p["version"]}
     assert "frustum" in answer["plugins"]["stages"]
@@ -126,7 +125,7 @@ def test_doctor_without_gl_names_the_cure(no_gl: None) -> None:
     out, _ = run("doctor")
     assert "apt-get install libegl1" in out
     assert "ended by SIGSEGV" in out
-    cures = json.loads(run("doctor", "--json")[0])["cures"]
+    cures = parsed(run("doctor", "--json")[0])["cures"]
     assert any("libegl1" in cure for cure in cures)
 
 
@@ -192,15 +191,15 @@ def test_model_file_with_default_pipelines_and_paths(boxes: str, tmp_path: Path)
     assert "frustum+contribution" in stdout
     assert str(out / "report.html") in stdout
     assert {f.name for f in out.iterdir()} == {"report.html", "frames.csv", "summary.json", "trace.json"}
-    pipelines = json.loads((tmp_path / "s.json").read_text())["pipelines"]
+    pipelines = parsed(tmp_path / "s.json")["pipelines"]
     assert pipelines["frustum"]["false_hides"] == 0
-    assert pipelines["frustum"]["snr_db_min"] == np.inf
+    assert pipelines["frustum"]["snr_db_min"] == "Infinity"
 
 
 @pytest.mark.gl
 def test_scattered_model(boxes: str, tmp_path: Path) -> None:
     run("compare", boxes, "--scatter", "7", "--frames", "2", "--out", str(tmp_path / "out"))
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    summary = parsed(tmp_path / "out" / "summary.json")
     assert summary["scene"]["drawables"] == 7
 
 
@@ -238,7 +237,7 @@ def test_ctrl_c_leaves_the_finished_frames(boxes: str, tmp_path: Path) -> None:
     assert "Traceback" not in stderr
     with (out / "frames.csv").open(newline="") as file:
         rows = [r for r in csv.DictReader(file) if r["stage"] == "*"]
-    summary = json.loads((out / "summary.json").read_text())
+    summary = parsed(out / "summary.json")
     assert summary["interrupted"]
     for name, pipeline in summary["pipelines"].items():
         assert 0 < pipeline["frames"] == sum(r["pipeline"] == name for r in rows) < summary["planned_frames"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import time
 import types
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import pytest
 import scenegraph as sg
 from scenegraph.skipping import Worth
 from scenegraph.testing import HideRows, grid_scene
+from strict_json import parsed
 
 VIEW = sg.View((0, -40, 0), (0, 0, 0))
 
@@ -378,12 +378,13 @@ def test_logs_stream_and_agree(known: sg.Registry, tmp_path: Path) -> None:
         log.write_trace(tmp_path / "trace.json")
     assert (tmp_path / "all.csv").read_text() == (tmp_path / "stream.csv").read_text()
     assert [r["stage"] for r in rows[:3]] == ["*", "maker", "user"]
-    lines = [json.loads(line) for line in (tmp_path / "all.jsonl").read_text().splitlines()]
+    lines = [parsed(line) for line in (tmp_path / "all.jsonl").read_text().splitlines()]
     assert [line["index"] for line in lines] == [0, 1, 2]
-    events = json.loads((tmp_path / "trace.json").read_text())["traceEvents"]
+    assert [line["snr_db"] for line in lines] == ["Infinity"] * 3
+    events = parsed(tmp_path / "trace.json")["traceEvents"]
     frames = [e for e in events if e["name"].startswith("frame ")]
     assert len(frames) == 3
     for frame in frames:
         inner = [e for e in events if e["ph"] == "X" and frame["ts"] <= e["ts"] < frame["ts"] + frame["dur"]]
         assert {e["name"] for e in inner} == {frame["name"], "cull", "maker", "user", "draw"}
-    assert "snr_db" not in frames[0]["args"], "infinity is not JSON"
+    assert frames[0]["args"]["snr_db"] == "Infinity"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import types
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from scenegraph.compare.replication import (
     tables_of,
 )
 from scenegraph.testing import box_at
+from strict_json import parsed
 
 
 def small_scene() -> Scene:
@@ -46,8 +46,10 @@ def measured(laboratory: Laboratory) -> Replication:
     cells = [
         Cell("Table 1", "two", "none", "Triangles", "", 20.0, result["drawn_triangles"]),
         Cell("Table 1", "two", "none", "Frames", "", None, result["frames"]),
+        Cell("Table 1", "two", "none", "SNR", "dB", None, result["snr_db_min"]),
     ]
-    return Replication("toy2000", "A toy", cells, remarks=["Nothing is as it was."])
+    plots = [Plot("Figure 1", "ms", {"none": [1.0, float("nan"), 2.0]})]
+    return Replication("toy2000", "A toy", cells, plots, remarks=["Nothing is as it was."])
 
 
 @pytest.fixture
@@ -77,10 +79,12 @@ def test_tables_report_and_json_hold_the_same_numbers(
     known: Registry, tmp_path: Path, capsys: pytest.CaptureFixture[str], quick: bool, frames: int
 ) -> None:
     replicate("toy2000", quick=quick, json_file=str(tmp_path / "found.json"), out=tmp_path / "out", known=known)
-    found = json.loads((tmp_path / "found.json").read_text())
+    found = parsed(tmp_path / "found.json")
     assert found["paper"] == "toy2000"
     assert [(c["paper"], c["measured"]) for c in found["cells"]] == [(20.0, 24.0)]
-    assert [(c["column"], c["measured"]) for c in found["added"]] == [("Frames", frames)]
+    assert [(c["column"], c["measured"]) for c in found["added"]] == [("Frames", frames), ("SNR", "Infinity")]
+    assert found["plots"][0]["series"] == {"none": [1, None, 2]}
+    assert parsed(tmp_path / "out" / "replication.json") == found
     assert found["runs"]["two"]["pipelines"]["none"]["frames"] == frames
     page = (tmp_path / "out" / "replication.html").read_text()
     for text in ("Table 1: two", "Nothing is as it was.", "two/report.html", "<svg"):
@@ -89,6 +93,7 @@ def test_tables_report_and_json_hold_the_same_numbers(
     printed = capsys.readouterr().out
     assert "Table 1: two" in printed
     assert "24" in printed
+    assert "∞" in printed
 
 
 def test_unknown_papers_and_missing_models_get_one_sentence(known: Registry, tmp_path: Path) -> None:
@@ -114,7 +119,17 @@ def test_tables_keep_the_order_of_the_cells_and_leave_gaps() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(None, "–"), (float("nan"), "–"), (73096.9, "73 097"), (0.5, "0.5"), (12.345, "12.3"), (0, "0")]
+    ("value", "text"),
+    [
+        (None, "–"),
+        (float("nan"), "–"),
+        (float("inf"), "∞"),
+        (float("-inf"), "−∞"),
+        (73096.9, "73 097"),
+        (0.5, "0.5"),
+        (12.345, "12.3"),
+        (0, "0"),
+    ],
 )
 def test_numbers_are_short(value: float | None, text: str) -> None:
     assert number(value) == text
@@ -155,7 +170,7 @@ def test_paths_are_played_and_plots_and_pictures_shown(known: Registry, tmp_path
     vars(plugin).update(scenegraph_register_replications=scenegraph_register_replications)
     known.add(plugin)
     replicate("toy2001", json_file=str(tmp_path / "found.json"), out=tmp_path / "out", known=known)
-    found = json.loads((tmp_path / "found.json").read_text())
+    found = parsed(tmp_path / "found.json")
     assert found["plots"][0]["series"] == {"none": [2, 2, 2], "other": [2, 2, 2]}
     page = (tmp_path / "out" / "replication.html").read_text()
     for text in ("Figure 1", "<svg", "Figure 2", "Two boxes.", "data:image/png"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import re
 from pathlib import Path
@@ -28,6 +27,7 @@ from scenegraph import (
 )
 from scenegraph.compare.command import run_command
 from scenegraph.render.item_buffer import ExactVisibleSet
+from strict_json import parsed
 
 SIZE = (96, 64)
 #: What summary.json promises of every pipeline.
@@ -144,7 +144,7 @@ def finished(known: Registry, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def summary(finished: Path) -> dict[str, object]:
-    return json.loads((finished / "summary.json").read_text())
+    return parsed(finished / "summary.json")
 
 
 @pytest.mark.gl
@@ -156,19 +156,20 @@ class TestWhole:
         for pipeline in summary["pipelines"].values():
             assert set(pipeline) >= PROMISED
             assert pipeline["frames"] == 5
-        assert json.loads((finished.parent / "copy.json").read_text()) == summary
+        assert parsed(finished.parent / "copy.json") == summary
 
     def test_what_hides_nothing_is_the_measure(self, summary: dict[str, object]) -> None:
         none = summary["pipelines"]["none"]
         assert (none["drawn_objects"], none["drawn_triangles"], none["speedup"]) == (4, 48, 1)
-        assert (none["false_hides"], none["overestimate"], none["snr_db_min"]) == (0, 2, math.inf)
+        assert (none["false_hides"], none["overestimate"], none["snr_db_min"]) == (0, 2, "Infinity")
         assert none["stages"] == []
 
     @pytest.mark.parametrize("name", ["frustum", "vtk"])
     def test_conservative_pipelines_change_no_pixel(self, name: str, summary: dict[str, object]) -> None:
         found = summary["pipelines"][name]
         assert (found["drawn_objects"], found["overestimate"], found["false_hides"]) == (3, 1, 0)
-        assert found["snr_db_min"] == math.inf
+        assert float(found["snr_db_min"]) == float(found["snr_db_p5"]) == float(found["psnr_db_min"]) == math.inf
+        assert found["snr_db_mean_of_finite"] is None, "nothing finite to average"
         assert found["equal_frames"] == 5
         assert found["wrong_pixels_max"] == found["missing_pixels_max"] == 0
         assert found["ssim_min"] == 1
@@ -205,12 +206,15 @@ class TestWhole:
         wrong = [r for r in rows if r["pipeline"] == "wrong"]
         assert [int(r["false_hides"]) for r in wrong] == [0, 0, 1, 1, 0]
         assert max(float(r["missing_pixels"]) for r in wrong) == summary["pipelines"]["wrong"]["missing_pixels_max"]
-        assert [r["snr_db"] for r in wrong].count("inf") == 3
+        decibels = np.array([float(r["snr_db"]) for r in wrong])
+        finite = decibels[np.isfinite(decibels)]
+        assert (len(finite), (decibels == np.inf).sum()) == (2, 3)
+        assert summary["pipelines"]["wrong"]["snr_db_mean_of_finite"] == pytest.approx(finite.mean(), abs=1e-3)
 
     def test_metrics_of_plugins_are_measured(self, summary: dict[str, object], finished: Path) -> None:
         found = summary["pipelines"]["frustum"]["metrics"]
         assert found["drawn_share"]["mean"] == found["drawn_share"]["worst"] == 0.75
-        assert math.isnan(found["broken"]["mean"])
+        assert found["broken"]["mean"] is None
         assert summary["notes"] == [
             "The metric broken failed and counts as not a number (ZeroDivisionError: on purpose)."
         ]
@@ -219,7 +223,7 @@ class TestWhole:
         assert "drawn_share" in (finished / "report.html").read_text()
 
     def test_trace_is_one_track_per_pipeline(self, finished: Path) -> None:
-        events = json.loads((finished / "trace.json").read_text())["traceEvents"]
+        events = parsed(finished / "trace.json")["traceEvents"]
         tracks = {e["args"]["name"] for e in events if e["ph"] == "M"}
         assert tracks == {"none", "frustum", "wrong", "vtk"}
         assert sum(e["name"] == "draw" for e in events) == 4 * 5
@@ -250,7 +254,7 @@ def test_an_interrupted_run_leaves_its_finished_frames(known: Registry, tmp_path
     assert sorted((r["pipeline"], r["frame"]) for r in rows) == [
         (name, str(i)) for name in ("none", "stopped") for i in range(3)
     ]
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    summary = parsed(tmp_path / "out" / "summary.json")
     assert summary["interrupted"]
     assert [p["frames"] for p in summary["pipelines"].values()] == [3, 3]
     page = (tmp_path / "out" / "report.html").read_text()
@@ -278,7 +282,7 @@ def test_false_hides_can_fail_the_run(known: Registry, tmp_path: Path, capsys: p
 def test_a_broken_claim_is_said(known: Registry, tmp_path: Path) -> None:
     text = suite_file(tmp_path, ("none", ""), ("pretender", "pretender"), ("liar", "liar"))
     assert run_command(text, out=tmp_path / "out", known=known) == 0
-    found = json.loads((tmp_path / "out" / "summary.json").read_text())["pipelines"]
+    found = parsed(tmp_path / "out" / "summary.json")["pipelines"]
     assert {name: p["claim_is_broken"] for name, p in found.items()} == {
         "none": False,
         "pretender": True,
@@ -293,7 +297,7 @@ def test_without_a_pipeline_that_hides_nothing(known: Registry, tmp_path: Path) 
     """The reference is then drawn apart from the comparison."""
     text = suite_file(tmp_path, ("wrong", "liar"), more="supersample = 2")
     assert run_command(text, out=tmp_path / "out", known=known) == 0
-    wrong = json.loads((tmp_path / "out" / "summary.json").read_text())["pipelines"]["wrong"]
+    wrong = parsed(tmp_path / "out" / "summary.json")["pipelines"]["wrong"]
     assert (wrong["equal_frames"], wrong["false_hides_total"]) == (3, 2)
     assert wrong["wrong_pixels_max"] == pytest.approx(wrong["missing_pixels_max"], rel=0.05)
 
@@ -304,14 +308,14 @@ def test_summary_on_stdout_is_only_the_summary(
 ) -> None:
     text = suite_file(tmp_path, ("none", ""))
     assert run_command(text, out=tmp_path / "out", json_file="-", frames=2, known=known) == 0
-    assert json.loads(capsys.readouterr().out)["pipelines"]["none"]["frames"] == 2
+    assert parsed(capsys.readouterr().out)["pipelines"]["none"]["frames"] == 2
 
 
 @pytest.mark.gl
 def test_time_limit_drops_views_and_says_so(known: Registry, tmp_path: Path) -> None:
     text = suite_file(tmp_path, ("none", ""), more="seconds = 1e-6")
     assert run_command(text, out=tmp_path / "out", known=known) == 0
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    summary = parsed(tmp_path / "out" / "summary.json")
     assert summary["pipelines"]["none"]["frames"] == 1
     assert "1 of 5 views drawn" in summary["notes"][0]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import trimesh
 from typer.testing import CliRunner
 
 from scenegraph.cli import app
+from strict_json import parsed
 
 
 def run(*arguments: str, code: int = 0) -> tuple[str, str]:
@@ -51,7 +51,7 @@ def test_table(model: str) -> None:
 
 def test_json(model: str) -> None:
     out, _ = run(model, "--json", "--cells", "12", "--openings", "outward", "--shape", "box", "--memory", "--fresh")
-    found = json.loads(out)
+    found = parsed(out)
     assert found["drawables"] == 3
     assert found["meshes_left"] == 0
     meshes = {m["mesh"]: m for m in found["meshes"]}
@@ -66,7 +66,7 @@ def test_json(model: str) -> None:
 def test_occluders_are_written_in_world_coordinates(model: str, tmp_path: Path) -> None:
     data, picture = tmp_path / "found.json", tmp_path / "found.glb"
     run(model, "--out", str(data), "--cells", "12", "--openings", "outward")
-    found = json.loads(data.read_text())["occluders"]
+    found = parsed(data)["occluders"]
     assert len(found) == 3
     middles = sorted(np.mean(o["vertices"], axis=0).round(2).tolist() for o in found)
     assert middles == [[0, 0, 0], [0, 9, 0], [9, 0, 0]]

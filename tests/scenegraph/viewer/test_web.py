@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pytest
 
 from driven_browser import CHROMIUM, Browser, Messages, browse, served, talk, until
+from scenegraph.viewer import web
 
 pytestmark = pytest.mark.gl
 pytest.importorskip("trame_pyvista", reason="needs the extra 'web'")
@@ -60,11 +63,47 @@ def test_the_page_and_its_messages(tmp_path: Path) -> None:
         talk(address, act)
         # nobody else is served
         assert address.startswith("http://127.0.0.1:")
-        port = int(address.rstrip("/").rsplit(":", 1)[1])
+        port = urlsplit(address).port
         open_ports = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
         mine = {f[1].split(":")[0] for f in open_ports if f[3] == "0A" and int(f[1].split(":")[1], 16) == port}
         assert mine == {f"{int.from_bytes(socket.inet_aton('127.0.0.1'), 'little'):08X}"}
     assert "Traceback" not in (tmp_path / "server.txt").read_text()
+
+
+def test_who_does_not_know_the_secret_is_not_served(tmp_path: Path) -> None:
+    """Neither state nor control; the page that everybody may load does not hold the secret either."""
+
+    async def act() -> None:
+        import aiohttp
+
+        parts = urlsplit(address)
+        (secret,) = parse_qs(parts.query)["secret"]
+        assert len(secret) >= 43
+        async with aiohttp.ClientSession() as client:
+            for guess in ({"secret": "wslink-secret"}, {"secret": ""}, {"secret": secret[:-1]}, {}, None):
+                async with client.ws_connect(f"http://{parts.netloc}/ws", max_msg_size=0) as websocket:
+                    messages = Messages(websocket)
+                    if guess is not None:
+                        answer = await messages.answer("wslink.hello", guess, system=True)
+                        assert "Authentication failed" in str(answer["error"])
+                        assert "result" not in answer
+                    for call in (("trame.state.get",), ("trame.trigger", "press", ["1"], {})):
+                        answer = await messages.answer(*call)
+                        assert "Unauthorized" in str(answer["error"]), call
+                        assert "result" not in answer
+            async with client.get(f"http://{parts.netloc}/") as answer:
+                assert secret not in await answer.text()
+        assert secret not in (tmp_path / "server.txt").read_text()
+
+    async def undisturbed(messages: Messages, _: Any) -> None:
+        state = (await messages.call("trame.state.get"))["state"]
+        assert [s["on"] for s in state["stages"]] == [True, True], "nobody has switched a stage off"
+
+    with served(tmp_path, *PIPELINES) as address:
+        asyncio.run(act())
+        talk(address, undisturbed)
+    with served(tmp_path, *PIPELINES) as again:
+        assert urlsplit(again).query != urlsplit(address).query, "each run has a secret of its own"
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium installed")
@@ -128,3 +167,30 @@ def test_in_a_browser(tmp_path: Path) -> None:
     with served(tmp_path, *PIPELINES) as address:
         browse(tmp_path, address, act)
     assert "Traceback" not in (tmp_path / "server.txt").read_text()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium installed")
+def test_the_page_may_be_reloaded(tmp_path: Path) -> None:
+    async def act(browser: Browser) -> None:
+        async def shows() -> bool:
+            return await browser.value("!window.old && document.querySelector('.view img')?.naturalWidth > 100")
+
+        await until("a picture", shows)
+        await browser.value("window.old = true")
+        await browser.send("Page.reload")
+        await until("a picture again", shows)
+
+    with served(tmp_path, *PIPELINES) as address:
+        browse(tmp_path, address, act)
+
+
+def test_the_secret_is_on_no_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    web._open("http://127.0.0.1:1/?secret=a-b_c", tmp_path)
+    (told,) = opened
+    assert told.startswith("file:")
+    assert "a-b_c" not in told
+    page = Path(urlsplit(told).path)
+    assert page.parent == tmp_path
+    assert 'content="0; url=http://127.0.0.1:1/?secret=a-b_c"' in page.read_text()
