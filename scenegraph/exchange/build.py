@@ -63,7 +63,8 @@ def far_offset(bounds: ArrayLike, limit: float, least: float = 0.0) -> NDArray[n
     values = [*lo.tolist(), *hi.tolist()]
     reach = max(map(abs, values))
     half = max(max(b - a for a, b in zip(values[:3], values[3:], strict=True)) / 2, reach * 2.0**-30, least)
-    if not (math.isfinite(sum(values)) and reach > limit * half > 0.0):
+    # an eighth of the smallest numbers there are is 0
+    if not (math.isfinite(sum(values)) and reach > limit * half and half / 8 > 0.0):
         return None
     center = (lo + hi) / 2
     step = 2.0 ** math.floor(math.log2(half / 8))
