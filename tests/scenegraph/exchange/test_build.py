@@ -56,7 +56,7 @@ def test_moving_to_the_origin_and_back_is_exact(
 def test_what_is_near_or_unknown_gets_no_offset() -> None:
     assert far_offset([[-1, -1, -1], [1, 1, 1]], FLAT_FAR) is None
     assert far_offset([[0, 0, 0], [0, 0, 0]], FLAT_FAR) is None
-    assert far_offset([[1e-309] * 3, [1e-309 + 1e-323] * 3], FLAT_FAR) is None
+    assert far_offset([[1e-314] * 3, [1e-314 + 2e-323] * 3], FLAT_FAR) is None
     assert far_offset([[2e-320] * 3] * 2, FLAT_FAR) is None
     assert far_offset(np.full((2, 3), np.nan), FLAT_FAR) is None
     assert far_offset([[np.inf] * 3] * 2, FLAT_FAR) is None
