@@ -10,6 +10,9 @@ point found so far, *T* is cut and each part has its own: along a side of the be
 surfaces that lie in each other come out at 0 after as many cuts as they have crossing edges; else in four. The largest
 is the one-sided distance. A search tree over points of the surface only proposes triangles: a poor proposal makes the
 bound larger, never wrong.
+
+Most of *T* are done with cheaply: triangles that both surfaces have are no distance apart, and for most others the
+nearest *t* alone gives a bound below the farthest point found. Only for the rest more are tried.
 """
 
 from __future__ import annotations
@@ -24,14 +27,17 @@ from ..kernels.triangles import point_triangle_distance, point_triangle_weights
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-#: Triangles tried per part: few, and more where few have not done for so many rounds of cutting.
+#: Triangles tried per part that the nearest one has not done for: few, and more where few have not done for so many
+#: rounds of cutting.
 _TRIED, _LATER = (4, 8, 24), 3
 #: Share of the size of a surface below which it is not worth telling distances apart.
 FLOOR = 2e-4
-#: Parts that are looked at closely to find a far point.
-_CLOSELY = 256
-#: Parts worked on together, rounds of cutting, and parts after which the bound is taken as it is.
-_CHUNK, _CUTS, _PARTS = 1 << 14, 20, 300_000
+#: Parts that are looked at closely to find a far point: so many at once, and in all.
+_AT_ONCE, _CLOSELY = 32, 256
+#: Pairs of a part and a triangle worked on together: their arrays stay in the cache of the processor.
+_CHUNK = 1 << 12
+#: Rounds of cutting, and parts after which the bound is taken as it is.
+_CUTS, _PARTS = 20, 300_000
 #: Points of the search tree: at least two per triangle; of few triangles as many as this, or 64 of each.
 _POINTS = 20_000
 
@@ -58,16 +64,23 @@ class Surface:
     ----------
     triangles : (m, 3, 3) float64
         Corners; finite. At least one.
+    spread : bool
+        Whether triangles are searched by points all over them; else by their middles, which is done sooner and good
+        enough for small ones.
     """
 
-    def __init__(self, triangles: F64) -> None:
+    def __init__(self, triangles: F64, *, spread: bool = True) -> None:
         # a quarter of a second that listing the stages does not need
         from scipy.spatial import cKDTree
 
         self.triangles = triangles
         self._corners = np.ascontiguousarray(triangles.transpose(1, 2, 0))
-        points, self._of = _spread(triangles, max(min(_POINTS, 64 * len(triangles)), 2 * len(triangles)))
-        self._tree = cKDTree(points)
+        if spread:
+            points, self._of = _spread(triangles, max(min(_POINTS, 64 * len(triangles)), 2 * len(triangles)))
+        else:
+            points, self._of = triangles.mean(axis=1), np.arange(len(triangles))
+        # halves of the box instead of medians: made in half the time, and asked as fast
+        self._tree = cKDTree(points, balanced_tree=False)
 
     def near(self, points: F64, count: int) -> I64:
         """(k, c) triangles near (k, 3) points, c ≤ `count`; some may be named twice."""
@@ -76,9 +89,9 @@ class Surface:
         return np.asarray(self._of[np.asarray(found).reshape(len(points), count)])
 
     def distances(self, points: F64, which: I64) -> F64:
-        """(k,) distances of (3, k) points from the triangles `which` (k,)."""
-        a, b, c = self._corners
-        return point_triangle_distance(points, a[:, which], b[:, which], c[:, which])
+        """Distances of (3, ...) points from the triangles `which` (...), broadcast: as many axes, less the first."""
+        a, b, c = self._corners[:, :, which]
+        return point_triangle_distance(points, a, b, c)
 
     def weights(self, points: F64, which: I64) -> F64:
         """(3, k) weights of the nearest point of the triangles `which` (k,), for (3, k) points."""
@@ -103,41 +116,80 @@ def surface_deviation(surface: F64, other: Surface, *, tolerance: float = 0.1) -
     """
     size = float(np.ptp(other.triangles.reshape(-1, 3), axis=0).max(initial=0.0))
     bound = found = 0.0
-    parts = surface
+    parts = surface[~is_among(surface, other.triangles)]
     for cut in range(_CUTS + 1):
-        reach, middle, best = _reaches(parts, other, _TRIED[min(cut // _LATER, 2)])
-        # with few tried, a middle may seem farther than it is: the farthest are looked at closely
-        top = np.argsort(-middle, kind="stable")[:_CLOSELY]
-        found = max(found, float(_reaches(parts[top], other, _TRIED[-1])[1].max()))
-        coarse = reach > max((1 + tolerance) * found, found + FLOOR * size)
-        if cut == _CUTS or 3 * int(coarse.sum()) > _PARTS:
-            coarse[:] = False
-        bound = max(bound, float(reach[~coarse].max(initial=0.0)))
-        if not coarse.any():
+        if not len(parts):
             break
-        parts = _cut(parts[coarse], other.triangles[best[coarse]], 1e-9 * size)
+        reach, middle, best = _nearest(parts, other)
+        found = max(found, _farthest(parts, middle, other, found))
+        enough = max((1 + tolerance) * found, found + FLOOR * size)
+        # more are tried for all that the bound may come from, and for all that would be cut
+        few = np.flatnonzero(reach > found)
+        now, one = _reaches(parts[few], other, _TRIED[min(cut // _LATER, 2)])
+        better = now < reach[few]
+        reach[few[better]], best[few[better]] = now[better], one[better]
+        is_coarse = reach > enough
+        if cut == _CUTS or 3 * int(is_coarse.sum()) > _PARTS:
+            is_coarse[:] = False
+        bound = max(bound, float(reach[~is_coarse].max(initial=0.0)))
+        parts = _cut(parts[is_coarse], other.triangles[best[is_coarse]], 1e-9 * size)
     return Deviation(bound, found)
 
 
-def _reaches(parts: F64, other: Surface, count: int) -> tuple[F64, F64, I64]:
-    """(m,) bound of each triangle, (m,) distance of its middle, and (m,) the triangle that gave the bound."""
+def _nearest(parts: F64, other: Surface) -> tuple[F64, F64, I64]:
+    """By the triangle nearest to each part: (m,) its bound, (m,) the distance of its middle, and (m,) the triangle."""
     reach, middle, best = np.empty(len(parts)), np.empty(len(parts)), np.empty(len(parts), np.int64)
-    for start in range(0, len(parts), _CHUNK):
-        some = parts[start : start + _CHUNK]
-        center = some.mean(axis=1)
-        tried = other.near(center, count)
-        k, c = tried.shape
-        points = np.concatenate([some, center[:, None]], axis=1)
-        points = np.ascontiguousarray(points.transpose(2, 1, 0)).reshape(3, 4, 1, k)
-        points = np.broadcast_to(points, (3, 4, c, k)).reshape(3, -1)
-        which = np.broadcast_to(tried.T, (4, c, k)).reshape(-1)
-        away = other.distances(points, which).reshape(4, c, k)
-        far = away[:3].max(axis=0)
-        chosen = far.argmin(axis=0)
-        now = slice(start, start + k)
-        reach[now], middle[now] = far[chosen, np.arange(k)], away[3].min(axis=0)
-        best[now] = tried[np.arange(k), chosen]
+    for now in _chunks(len(parts), 1):
+        some = parts[now]
+        center = _middles(some)
+        points = np.empty((3, 4, len(some)))
+        points[:, :3], points[:, 3] = some.transpose(2, 1, 0), center.T
+        best[now] = other.near(center, 1)[:, 0]
+        away = other.distances(points, best[now][None])
+        reach[now], middle[now] = away[:3].max(axis=0), away[3]
     return reach, middle, best
+
+
+def _reaches(parts: F64, other: Surface, count: int) -> tuple[F64, I64]:
+    """(m,) bound of each part, of so many triangles near it, less the nearest; and (m,) the triangle that gave it."""
+    reach, best = np.empty(len(parts)), np.empty(len(parts), np.int64)
+    for now in _chunks(len(parts), count):
+        some = parts[now]
+        tried = other.near(_middles(some), count)
+        tried = tried[:, min(1, tried.shape[1] - 1) :]
+        # (3 corners, c, k)
+        away = other.distances(np.ascontiguousarray(some.transpose(2, 1, 0))[:, :, None], tried.T[None])
+        far = away.max(axis=0)
+        chosen = far.argmin(axis=0)
+        each = np.arange(len(some))
+        reach[now], best[now] = far[chosen, each], tried[each, chosen]
+    return reach, best
+
+
+def _middles(triangles: F64) -> F64:
+    # `mean` takes longer over so short an axis
+    return np.asarray((triangles[:, 0] + triangles[:, 1] + triangles[:, 2]) / 3)
+
+
+def _chunks(count: int, tried: int) -> list[slice]:
+    step = max(_CHUNK // tried, 1)
+    return [slice(start, start + step) for start in range(0, count, step)]
+
+
+def _farthest(parts: F64, middle: F64, other: Surface, found: float) -> float:
+    """Distance of the farthest middle, if it is more than what was found, of those that seem to be.
+
+    With few triangles tried, a middle may seem farther than it is: those that seem farthest are looked at closely.
+    """
+    top = np.argsort(-middle, kind="stable")[:_CLOSELY]
+    for start in range(0, len(top), _AT_ONCE):
+        some = top[start : start + _AT_ONCE]
+        if middle[some[0]] <= found:
+            break
+        center = _middles(parts[some])
+        away = other.distances(np.ascontiguousarray(center.T)[:, None], other.near(center, _TRIED[-1]).T)
+        found = max(found, float(away.min(axis=0).max()))
+    return found
 
 
 def _cut(parts: F64, against: F64, least: float) -> F64:
@@ -189,17 +241,50 @@ def _spread(triangles: F64, enough: int) -> tuple[F64, I64]:
     cuts = np.ones((2, len(triangles)), np.int64)
     if spacing > 0:
         cuts = np.clip(np.ceil(np.stack([sides.max(axis=1), double / longest]) / spacing), 1, 256).astype(np.int64)
-    points, of = [], []
-    for m, n in np.unique(cuts, axis=1).T.tolist():
-        which = np.flatnonzero((cuts[0] == m) & (cuts[1] == n))
-        x, y = (t.ravel()[None] for t in np.meshgrid((np.arange(m) + 0.5) / m, (np.arange(n) + 0.5) / n))
-        q = foot[which, None]
-        with np.errstate(divide="ignore"):
-            top = np.minimum(x / q, (1 - x) / (1 - q))
-        kept = (y < top) | (y < 1 / n)
-        y = np.minimum(y, np.where(y < 1 / n, 0.5 * top, np.inf))
-        weights = np.stack([1 - x - (1 - q) * y, x - q * y, y + 0 * q])[:, kept]
-        row = np.broadcast_to(which[:, None], kept.shape)[kept]
-        points.append(np.einsum("kc,ckx->kx", weights.T, turned[row].transpose(1, 0, 2)))
-        of.append(row)
-    return np.concatenate(points), np.concatenate(of)
+    m, n = cuts
+    of = np.repeat(np.arange(len(triangles)), m * n)
+    cell = np.arange(len(of)) - np.repeat(np.cumsum(m * n) - m * n, m * n)
+    column, row = np.divmod(cell, n[of])
+    x, y = (column + 0.5) / m[of], (row + 0.5) / n[of]
+    q = foot[of]
+    with np.errstate(divide="ignore"):
+        top = np.minimum(x / q, (1 - x) / (1 - q))
+    kept = (y < top) | (row == 0)
+    of, x, q, y = of[kept], x[kept], q[kept], np.minimum(y, np.where(row == 0, 0.5 * top, np.inf))[kept]
+    a, b, c = turned[of].transpose(1, 0, 2)
+    points = (1 - x - (1 - q) * y)[:, None] * a + (x - q * y)[:, None] * b + y[:, None] * c
+    return points, of
+
+
+def is_among(sets: F64, others: F64) -> NDArray[np.bool_]:
+    """Whether sets of points, such as corners of triangles, are among other sets, exactly and in any order.
+
+    Parameters
+    ----------
+    sets : (k, c, 3) float64
+    others : (m, c, 3) float64
+        At least one.
+
+    Returns
+    -------
+    (k,) bool
+        False for some that are, if two others have the same mark by chance.
+    """
+    marks, known = _marks(sets), _marks(others)
+    order = np.argsort(known)
+    at = order[np.minimum(np.searchsorted(known, marks, sorter=order), len(known) - 1)]
+    found: NDArray[np.bool_] = known[at] == marks
+    # marks may be shared by chance, points are not
+    same = (sets[found][:, :, None] == others[at[found]][:, None]).all(axis=3)
+    found[found] = same.any(axis=2).all(axis=1)
+    return found
+
+
+def _marks(sets: F64) -> NDArray[np.uint64]:
+    """(k,) a number for each set of points that does not depend on their order."""
+    # 0.0 and -0.0 are the same place
+    bits = np.ascontiguousarray(sets + 0.0).view(np.uint64)
+    mixed = bits[:, :, 0] * np.uint64(0x9E3779B97F4A7C15)
+    for axis in (1, 2):
+        mixed = (mixed ^ (mixed >> np.uint64(29)) ^ bits[:, :, axis]) * np.uint64(0xBF58476D1CE4E5B9)
+    return np.asarray((mixed ^ (mixed >> np.uint64(32))).sum(axis=1, dtype=np.uint64))

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,9 @@ from numpy.typing import NDArray
 from ..kernels.boxes import box_from_bounds
 from ..mesh import Mesh, MeshTable
 from ..progress import Progress, silent
+from ..threads import one_blas_thread, upward
 from .cache import DiskCache
-from .hlod_nodes import NodeMesh, joined, leaf_mesh, simplified
+from .hlod_nodes import NodeMesh, Step, joined, leaf_mesh, simplified
 from .hlod_tree import Hlod, HlodReport
 from .octree import octree
 from .soup import Soup, rows_for_soup, soup_key, soup_of
@@ -46,7 +47,7 @@ TRIANGLES = 2000
 #: No level within a node has fewer.
 LEAST_TRIANGLES = 32
 #: Counted up whenever a tree built from the same input would be another one.
-_VERSION = 4
+_VERSION = 5
 
 
 def hlod_of(
@@ -96,6 +97,14 @@ def hlod_of(
     return made
 
 
+class _Node(NamedTuple):
+    """Mesh of a node, how it was made from those below, and coarser ones with their distance from it."""
+
+    mesh: NodeMesh
+    step: Step
+    coarser: list[tuple[NodeMesh, float]]
+
+
 def _built(
     snapshot: Snapshot, soup: Soup, covered: NDArray[np.bool_], shape: tuple[int, int], progress: Progress
 ) -> tuple[Hlod, dict[str, Any]]:
@@ -105,41 +114,46 @@ def _built(
     count = len(tree)
     is_leaf = tree.end == np.arange(1, count + 1)
     first_leaf = np.concatenate([[0], np.cumsum(is_leaf)])
-    meshes: list[NodeMesh | None] = [None] * count
+    below: list[list[int]] = [[] for _ in range(count)]
+    for node in range(1, count):
+        below[int(tree.parent[node])].append(node)
+    made: list[_Node | None] = [None] * count
+    share = np.where(is_leaf, 1, tree.last - tree.first)
+    worked, total = 0, max(int(share.sum()), 1)
+
+    def work(node: int) -> None:
+        if is_leaf[node]:
+            mesh, step = leaf_mesh(soup, tree.order[tree.first[node] : tree.last[node]]), Step(0.0, 0, 0)
+        else:
+            mesh, step = simplified(joined([m.mesh for m in (made[c] for c in below[node]) if m is not None]), most)
+        made[node] = _Node(mesh, step, list(_coarser(mesh, levels - 1)))
+
+    def done(node: int) -> None:
+        nonlocal worked
+        worked += int(share[node])
+        progress("HLOD tree", worked / total)
+
+    with one_blas_thread():
+        upward(tree.parent.tolist(), work, done)
+    nodes = [m for m in made if m is not None]
     extra: list[NodeMesh] = []
     level_mesh, errors = np.full((levels, count), -1), np.zeros(count)
     level_errors = np.full((levels, count), np.inf)
     low, high = np.full((3, count), np.inf), np.full((3, count), -np.inf)
-    report = HlodReport(input_triangles=len(soup.faces))
-    below: list[list[int]] = [[] for _ in range(count)]
-    for node in range(1, count):
-        below[int(tree.parent[node])].append(node)
-    work = np.where(is_leaf, 1, tree.last - tree.first)
-    done, total = 0, max(int(work.sum()), 1)
     # children come after their parents, so backwards each finds its children ready
     for node in range(count - 1, -1, -1):
-        own = tree.order[tree.first[node] : tree.last[node]]
-        if is_leaf[node]:
-            mesh = leaf_mesh(soup, own)
-        else:
-            parts = joined([meshes[c] for c in below[node]])
-            mesh, step = simplified(parts, most)
-            report.border_edges += step.border_edges
-            report.broken_edges += step.broken_edges
-            errors[node] = float(errors[below[node]].max()) + step.error
-        meshes[node], level_mesh[0, node], level_errors[0, node] = mesh, node, errors[node]
-        own_levels = [mesh]
-        for level, (coarser, error) in enumerate(_coarser(mesh, levels - 1), 1):
+        mesh, step, coarser = nodes[node]
+        errors[node] = float(errors[below[node]].max(initial=0.0)) + step.error
+        level_mesh[0, node], level_errors[0, node] = node, errors[node]
+        for level, (half, error) in enumerate(coarser, 1):
             level_mesh[level, node], level_errors[level, node] = count + len(extra), errors[node] + error
-            extra.append(coarser)
-            own_levels.append(coarser)
-        points = np.concatenate([m.vertices for m in own_levels])
+            extra.append(half)
+        points = np.concatenate([mesh.vertices, *(half.vertices for half, _ in coarser)])
         if len(points):
             low[:, node], high[:, node] = points.min(axis=0), points.max(axis=0)
         low[:, node] = np.minimum(low[:, node], low[:, below[node]].min(axis=1, initial=np.inf))
         high[:, node] = np.maximum(high[:, node], high[:, below[node]].max(axis=1, initial=-np.inf))
-        done += int(work[node])
-        progress("HLOD tree", done / total)
+    edges = [sum(n.step.border_edges for n in nodes), sum(n.step.broken_edges for n in nodes), len(soup.faces)]
     row_start, rows = _rows_by_leaf(soup, tree.order, tree.first[is_leaf], tree.last[is_leaf])
     arrays: dict[str, Any] = {
         "parent": tree.parent,
@@ -151,14 +165,14 @@ def _built(
         "bounds": np.concatenate([low, high]),
         "covered": covered,
         "origin": soup.origin,
-        "edges": np.array([report.border_edges, report.broken_edges, report.input_triangles]),
+        "edges": np.array(edges),
         "level_mesh": level_mesh,
         "level_errors": level_errors,
-        **_packed([*(m for m in meshes if m is not None), *extra]),
+        **_packed([*(n.mesh for n in nodes), *extra]),
     }
-    made = _unpacked(snapshot, arrays)
-    made.report.from_cache = False
-    return made, arrays
+    hlod = _unpacked(snapshot, arrays)
+    hlod.report.from_cache = False
+    return hlod, arrays
 
 
 def _coarser(mesh: NodeMesh, count: int) -> Iterator[tuple[NodeMesh, float]]:
@@ -177,10 +191,10 @@ def _coarser(mesh: NodeMesh, count: int) -> Iterator[tuple[NodeMesh, float]]:
 
 def _rows_by_leaf(soup: Soup, order: I64, first: I64, last: I64) -> tuple[I64, I64]:
     leaf = np.repeat(np.arange(len(first)), last - first)
+    count = int(soup.rows.max(initial=0)) + 1
     # leaves are ranges of the order, one after another
-    pair = np.unique(np.stack([leaf, soup.rows[order].astype(np.int64)]), axis=1)
-    start = np.searchsorted(pair[0], np.arange(len(first) + 1))
-    return start.astype(np.int64), pair[1]
+    leaf, rows = np.divmod(np.unique(leaf * count + soup.rows[order]), count)
+    return np.searchsorted(leaf, np.arange(len(first) + 1)).astype(np.int64), rows
 
 
 def _packed(meshes: list[NodeMesh]) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from ..errors import SceneError
 from ..mesh import Mesh
 from ..progress import Progress, silent
-from ..threads import one_blas_thread
+from ..threads import COLLAPSING, one_blas_thread
 from .attributes import Carried, carried
 from .cache import DiskCache
 from .deviation import Surface, surface_deviation
@@ -36,7 +36,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 #: Counted up whenever results change; part of the name of what is cached.
-VERSION = 1
+VERSION = 2
 CACHE_KIND = "levels"
 
 #: Shares of the triangles that the levels of a chain have.
@@ -180,15 +180,19 @@ def _levels(mesh: Mesh, wanted: Sequence[int], preserve_border: bool, progress: 
     points, faces, source = _welded(mesh, center, size)
     if len(faces) <= wanted[-1]:
         return []
-    _, _, collapses = collapse(
-        points, faces, target_count=wanted[-1], agg=_EAGERNESS, return_collapses=True, preserve_border=preserve_border
-    )
+    least = wanted[-1]
+    with COLLAPSING:
+        _, _, collapses = collapse(
+            points, faces, target_count=least, agg=_EAGERNESS, return_collapses=True, preserve_border=preserve_border
+        )
     original = Surface(points[faces])
     out: list[_Level] = []
     before, error = len(faces), 0.0
     for number, count in enumerate(wanted):
         progress(f"level of {count} triangles", (number + 0.5) / (len(wanted) + 0.5))
-        left, kept, _ = replay_simplification(points, faces, collapses[: _enough(collapses, points, faces, count)])
+        some = collapses[: _enough(collapses, points, faces, count)]
+        with COLLAPSING:
+            left, kept, _ = replay_simplification(points, faces, some)
         kept = _proper(np.asarray(kept, np.int64))
         if not len(kept):
             break

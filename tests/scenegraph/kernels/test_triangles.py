@@ -50,3 +50,14 @@ def test_triangles_without_area_are_lines_and_points():
 def test_none():
     empty = np.zeros((3, 0))
     assert point_triangle_weights(empty, empty, empty, empty).shape == (3, 0)
+
+
+def test_shapes_are_broadcast(rng):
+    points, (a, b, c) = rng.normal(size=(3, 4, 1, 7)), rng.normal(size=(3, 3, 1, 5, 7))
+    distance = point_triangle_distance(points, a, b, c)
+    weights = point_triangle_weights(points, a, b, c)
+    assert distance.shape == (4, 5, 7)
+    assert weights.shape == (3, 4, 5, 7)
+    flat = [np.broadcast_to(x, (3, 4, 5, 7)).reshape(3, -1) for x in (points, a, b, c)]
+    assert np.array_equal(distance.ravel(), point_triangle_distance(*flat))
+    assert np.array_equal(weights.reshape(3, -1), point_triangle_weights(*flat))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from threading import Lock
+from time import sleep
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from level_shapes import brute_distance, random_points
 from scenegraph import Geode, Group, Mesh, Scene, Transform
 from scenegraph.meshes import DiskCache, Hlod, hlod_of
 from scenegraph.meshes.octree import octree
@@ -103,22 +107,27 @@ def test_inner_nodes_have_few_triangles_and_no_border_is_broken(tree):
     assert tree.report.broken_edges == 0
 
 
-def test_errors_bound_the_distance_of_samples(tree):
-    from scipy.spatial import cKDTree
-
-    def samples(mesh: Mesh, rng: np.random.Generator) -> np.ndarray:
-        weights = rng.dirichlet((1, 1, 1), (20, mesh.triangles))
-        return np.einsum("kfc,fcx->kfx", weights, mesh.vertices[mesh.faces]).reshape(-1, 3)
-
+def test_no_point_of_the_original_is_farther_from_a_node_than_its_error(tree):
     rng = np.random.default_rng(0)
-    for node in np.flatnonzero(~tree.is_leaf)[:8]:
+    worth = []
+    for node in np.flatnonzero(~tree.is_leaf).tolist():
         leaves = np.arange(node, tree.end[node])[tree.is_leaf[node : tree.end[node]]]
-        fine = np.concatenate([samples(tree.table.meshes[i], rng) for i in leaves])
-        coarse = samples(tree.table.meshes[node], rng)
-        # distances of samples are too large by their spacing
-        spacing = 2 * max(np.median(cKDTree(p).query(p, k=2)[0][:, 1]) for p in (fine, coarse))
-        there, back = cKDTree(coarse).query(fine)[0].max(), cKDTree(fine).query(coarse)[0].max()
-        assert max(there, back) <= tree.errors[node] + 6 * spacing
+        coarse = tree.table.meshes[node]
+        fine = [random_points(tree.table.meshes[i], 3000, rng) for i in leaves]
+        fine += [tree.table.meshes[i].vertices for i in leaves]
+        farthest = float(brute_distance(np.concatenate(fine), coarse).max())
+        assert farthest <= tree.errors[node] * (1 + 1e-6) + 1e-12
+        worth.append(farthest / tree.errors[node])
+        # the way back, at the points that are measured
+        parts = [tree.table.meshes[i] for i in leaves]
+        starts = np.cumsum([0, *(len(m.vertices) for m in parts)])
+        joint = np.concatenate([m.faces + s for m, s in zip(parts, starts[:-1], strict=True)])
+        original = Mesh(np.concatenate([m.vertices for m in parts]), joint)
+        # of simplified children, it is not measured from the leaves
+        if tree.is_leaf[tree.children_of(np.array([node]))].all():
+            points = np.concatenate([coarse.vertices, coarse.vertices[coarse.faces].mean(axis=1)])
+            assert brute_distance(points, original).max() <= tree.errors[node] * (1 + 1e-6) + 1e-12
+    assert np.median(worth) > 0.5, "the bounds say something"
 
 
 @settings(max_examples=40)
@@ -195,6 +204,50 @@ def test_second_time_it_is_read_from_disk_and_the_same(tmp_path):
     for other in (crowd(1), Scene(Group(Transform(crowd(2).root, translation=(1, 0, 0))))):
         assert not hlod_of(other.snapshot(), triangles=2000, cache=cache).report.from_cache
     assert not hlod_of(crowd(2).snapshot(), triangles=2001, cache=cache).report.from_cache
+
+
+def test_threads_change_no_bit_of_it(tmp_path, monkeypatch):
+    trees = []
+    for cores in (1, 2, 4):
+        monkeypatch.setattr("scenegraph.threads.cores", lambda cores=cores: cores)
+        cache = DiskCache(tmp_path / str(cores))
+        hlod_of(crowd(3).snapshot(), triangles=150, levels=2, cache=cache)
+        (entry,) = (tmp_path / str(cores)).glob("hlod trees/*.npz")
+        trees.append(dict(np.load(entry)))
+    for other in trees[1:]:
+        assert other.keys() == trees[0].keys()
+        assert all(np.array_equal(other[name], array, equal_nan=True) for name, array in trees[0].items())
+
+
+def test_edges_are_collapsed_by_one_thread_at_a_time(tmp_path, monkeypatch):
+    import fast_simplification
+
+    original, alone, calls = fast_simplification.simplify, Lock(), []
+
+    def watched(*args, **options):
+        # the library keeps the mesh in global variables
+        calls.append(alone.acquire(blocking=False))
+        sleep(0.01)
+        made = original(*args, **options)
+        if calls[-1]:
+            alone.release()
+        return made
+
+    monkeypatch.setattr("fast_simplification.simplify", watched)
+    monkeypatch.setattr("scenegraph.threads.cores", lambda: 4)
+    hlod_of(crowd(4).snapshot(), triangles=200, cache=DiskCache(tmp_path))
+    assert len(calls) > 4
+    assert all(calls)
+
+
+def test_cancelling_is_possible_and_leaves_nothing_behind(tmp_path):
+    def stop(what: str, share: float) -> None:
+        if share > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        hlod_of(crowd(2).snapshot(), triangles=100, cache=DiskCache(tmp_path), progress=stop)
+    assert not list(tmp_path.rglob("*.npz"))
 
 
 def test_damaged_entries_are_built_again(tmp_path):
