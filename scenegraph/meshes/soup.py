@@ -19,6 +19,10 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 
+#: What is merged is not farther from the center of the scene, in any coordinate.
+LARGEST = 1e50
+
+
 @dataclass(frozen=True)
 class Soup:
     """Triangles with the row each came from.
@@ -57,6 +61,10 @@ def rows_for_soup(snapshot: Snapshot) -> NDArray[np.bool_]:
     with np.errstate(all="ignore"):
         placed = np.isfinite(snapshot.transforms).all(axis=(1, 2)) & (np.abs(np.linalg.det(linear)) > 0)
     good = good_mesh[snapshot.mesh_index] & placed[snapshot.transform_index] & (snapshot.colors[:, 3] >= 1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        reach = np.abs(snapshot.boxes[:3] - snapshot.origin[:, None]) + snapshot.boxes[3:]
+    # of what is larger, distances overflow
+    good &= (reach < LARGEST).all(axis=0)
     return np.asarray(good & ~snapshot.protected)
 
 

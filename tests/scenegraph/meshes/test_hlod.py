@@ -273,6 +273,18 @@ def test_what_cannot_be_merged_is_left_out(tmp_path):
     assert tree.triangles.sum() == 12
 
 
+@pytest.mark.parametrize("reach", [1e60, 1e160, 1e300])
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_drawables_of_which_distances_overflow_are_left_out(reach, tmp_path):
+    ball = bumpy()
+    points = ball.vertices.copy()
+    points[3] *= reach
+    snapshot = Scene().add(Geode(Mesh(points, ball.faces), name="huge"), Geode(ball, name="near")).snapshot()
+    tree = hlod_of(snapshot, triangles=60, cache=DiskCache(tmp_path))
+    assert tree.report.left_out == 2, "seen from the center of the scene, the other one is as far away"
+    assert not len(tree) or not tree.triangles.sum()
+
+
 def test_hostile_and_empty_scenes_have_trees(tmp_path):
     cache = DiskCache(tmp_path)
     for scene in (Scene(), Scene().add(Geode(Mesh([], []))), hostile_scene()):
