@@ -102,7 +102,7 @@ class Frame:
 
     def candidates(self) -> NDArray[np.int64]:
         """Rows still visible, ascending."""
-        return np.flatnonzero(self.visible)
+        return self.visible.nonzero()[0]
 
     def kept(self) -> NDArray[np.bool_]:
         """(n,) rows that are drawn, by themselves or by a stand-in; a copy."""
@@ -141,16 +141,12 @@ class Frame:
         picked = counts[0, rows] if len(counts) == 1 else counts[level[rows], rows]
         return int(picked.sum(dtype=np.int64)) + sum(s.triangles for s in standins)
 
-    def _remember(self, *, changed: bool) -> None:
-        """Keep the state after a stage, for `hidden_by` and the triangle counts."""
+    def _remember(self, *, changed: bool, levels: bool) -> None:
+        """Keep the state after a stage, for `hidden_by` and the triangle counts; `levels` may have changed, or not."""
         if self._after and not changed:
             self._after.append(self._after[-1])
             return
-        level = self.level
-        if self._after and np.array_equal(level, self._after[-1][1]):
-            level = self._after[-1][1]
-        else:
-            level = level.copy()
+        level = self.level.copy() if levels or not self._after else self._after[-1][1]
         self._after.append((self.visible.copy(), level, list(self.standins)))
 
     def _count_triangles(self) -> None:
@@ -324,11 +320,12 @@ class Frame:
         """Add to this stage's counters in the log; `tested` and `queries` are columns of their own."""
         if self._stage_record is None:
             return
+        counts = self._stage_record.counts
         for key, value in values.items():
             if key in ("tested", "queries"):
                 setattr(self._stage_record, key, getattr(self._stage_record, key) + int(value))
             else:
-                self._stage_record.counts[key] = self._stage_record.counts.get(key, 0) + float(value)
+                counts[key] = counts.get(key, 0) + float(value)
 
 
 def _kept(visible: NDArray[np.bool_], standins: list[StandIn]) -> NDArray[np.bool_]:

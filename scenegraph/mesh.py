@@ -138,7 +138,7 @@ class Mesh:
         used = self.vertices[is_used]
         if not np.isfinite(used).all():
             return np.full((2, 3), np.nan)
-        return np.array([used.min(axis=0), used.max(axis=0)])
+        return np.array([np.minimum.reduce(used, axis=0), np.maximum.reduce(used, axis=0)])
 
     @cached_property
     def key(self) -> str:

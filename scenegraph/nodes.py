@@ -232,7 +232,7 @@ class Transform(Group):
         m = np.array(matrix, np.float64)
         if m.shape != (4, 4):
             raise SceneError(f"{self!r}: matrix has shape {m.shape}, expected (4, 4)")
-        if not np.array_equal(m[3], (0.0, 0.0, 0.0, 1.0)):
+        if m[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
             raise SceneError(f"{self!r}: the last row of the matrix is {m[3].tolist()}, expected [0, 0, 0, 1]")
         m.flags.writeable = False
         return m

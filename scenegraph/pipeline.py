@@ -268,7 +268,7 @@ class Pipeline:
                 if "level" in stage.writes:
                     coarser = int(np.count_nonzero(frame.level))
                     record.coarsened, coarse = coarser - coarse, coarser
-            frame._remember(changed=record.skipped is None)
+            frame._remember(changed=record.skipped is None, levels="level" in stage.writes)
             record.ms = (perf_counter_ns() - start) / 1e6
         self.running = None
         frame.record.visible = before

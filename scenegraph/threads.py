@@ -1,7 +1,7 @@
 """Threads: one for BLAS in the frame loop, several for what is worked out beforehand.
 
 Waking a second thread for a product of a few thousand boxes costs more than the product, and many times more when the
-other cores are busy: `shadow` in the city takes 0.7 ms a frame with one thread, and 0.8 to 30 ms with two.
+other cores are busy: `shadow` in the city took 0.7 ms a frame with one thread, and 0.8 to 30 ms with two.
 
 Building is another matter: NumPy and SciPy release Python's lock in all that takes long, so that the nodes of a tree
 can be worked on side by side.
@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from functools import cache
 from threading import Lock
+from types import TracebackType
 from typing import Any
 
 from threadpoolctl import ThreadpoolController
@@ -25,14 +26,29 @@ COLLAPSING = Lock()
 
 
 @cache
-def _blas() -> Any:
-    return ThreadpoolController().select(user_api="blas")
+def _blas() -> tuple[Any, ...]:
+    return tuple(ThreadpoolController().select(user_api="blas").lib_controllers)
 
 
-def one_blas_thread() -> AbstractContextManager[Any]:
+class _OneThread(AbstractContextManager[None]):
+    # threadpoolctl's own context asks every library for all that it knows: 15 µs of each frame
+    def __enter__(self) -> None:
+        self._before = [(library, library.get_num_threads()) for library in _blas()]
+        for library, threads in self._before:
+            if threads != 1:
+                library.set_num_threads(1)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for library, threads in self._before:
+            if threads != 1:
+                library.set_num_threads(threads)
+
+
+def one_blas_thread() -> AbstractContextManager[None]:
     """A context in which BLAS uses one thread; the number is restored afterwards."""
-    limited: AbstractContextManager[Any] = _blas().limit(limits=1)
-    return limited
+    return _OneThread()
 
 
 def cores() -> int:

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from .frame import Frame
     from .snapshot import Snapshot
 
-#: Verdicts on a box, Performer's PFIS_FALSE / MAYBE / ALL_IN.
+#: Verdicts on a box, Performer's PFIS_FALSE / MAYBE / ALL_IN. Of the first two, a mask of what is kept is made by
+#: viewing it as int8.
 OUT, PARTIAL, IN = 0, 1, 2
 
 #: Up to so many rows one product over all of them beats a walk down the tree (tests/bench/bench_frustum.py).
@@ -29,7 +30,7 @@ class Batch:
     Attributes
     ----------
     index : (k,) int64
-        Node or row numbers.
+        Node or row numbers; rows ascend.
     is_rows : bool
         Rows: the verdict IN means no more than PARTIAL here, so it need not be told apart.
     carry : (k, ...) array or None
@@ -148,15 +149,15 @@ def _flat(frame: Frame, classify: Callable[[Batch], NDArray[np.integer]], root: 
     k = snapshot.n if rows is None else len(rows)
     carry = None if root is None else np.repeat(root[None], k, axis=0)
     verdict = np.asarray(classify(Batch(snapshot, rows, is_rows=True, carry=carry)))
-    kept = verdict != OUT
     if rows is None:
-        visible = kept
+        visible = verdict != OUT
         if snapshot.any_protected:
             visible |= snapshot.protected
     else:
-        visible = frame.visible.copy()
-        lost = rows[~kept]
-        visible[lost] = snapshot.protected[lost]
+        visible = np.zeros(snapshot.n, bool)
+        visible[rows[verdict != OUT]] = True
+        if snapshot.any_protected:
+            visible[rows[snapshot.protected[rows]]] = True
     return Walked(visible, None, k)
 
 
@@ -199,9 +200,12 @@ def _hierarchical(
     _fill(visible, tree.first[inside], tree.end[inside])
     if leaves:
         ids = np.concatenate(leaves)
+        # leaves of one level after those of another: rows are to ascend
+        order = np.argsort(tree.first[ids], kind="stable")
+        ids = ids[order]
         rows = slice_expand(tree.first[ids], tree.end[ids])
         size = (tree.end[ids] - tree.first[ids]).astype(np.int64)
-        row_carry = np.repeat(np.concatenate(leaf_carry), size, axis=0) if leaf_carry else None
+        row_carry = np.repeat(np.concatenate(leaf_carry)[order], size, axis=0) if leaf_carry else None
         of_leaf = np.repeat(np.arange(len(ids)), size)
         if not whole:
             left = before[rows]

@@ -213,12 +213,18 @@ class View:
         sides = [(a, 0, a * left, 0), (-b, 0, -b * right, 0), (0, c, c * bottom, 0), (0, -d, -d * top, 0)]
         return np.array([*sides, *ends], float)
 
+    @cached_property
+    def _planes_from_eye(self) -> NDArray[np.float64]:
+        planes = self.eye_planes.copy()
+        planes[:, :3] = planes[:, :3] @ self.axes
+        return planes
+
     def planes(self, origin: ArrayLike = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
         """(6, 4) frustum planes in world axes relative to `origin`: inside is n·x + d ≥ 0."""
-        out = np.empty((6, 4))
-        out[:, :3] = normal = self.eye_planes[:, :3] @ self.axes
-        out[:, 3] = self.eye_planes[:, 3] - normal @ self.relative_eye(origin)
-        return out
+        planes = self._planes_from_eye.copy()
+        if origin is not self.eye:
+            planes[:, 3] -= planes[:, :3] @ self.relative_eye(origin)
+        return planes
 
     def corners(self, near: float | None = None, far: float | None = None) -> NDArray[np.float64]:
         """(8, 3) world corners of the frustum between two depths: the near four, then the far four."""
@@ -228,6 +234,23 @@ class View:
             k = 1.0 if self.is_parallel else depth
             points += [(k * x, k * y, -depth) for x, y in ((left, bottom), (right, bottom), (right, top), (left, top))]
         return np.asarray(np.array(points) @ self.axes + np.asarray(self.eye))
+
+    def bounds(self, origin: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest (3,) corner of the box around the frustum, in world axes relative to `origin`."""
+        left, right, bottom, top = self.window
+        near, far, parallel = self.near, self.far, self.is_parallel
+        corners: list[tuple[float, float]] = []
+        # plain numbers, as for the axes
+        for x, y, back in zip(*self.axes.tolist(), strict=True):
+            low = min(left * x, right * x) + min(bottom * y, top * y)
+            high = max(left * x, right * x) + max(bottom * y, top * y)
+            if parallel:
+                corners.append((low - max(near * back, far * back), high - min(near * back, far * back)))
+            else:
+                low, high = low - back, high - back
+                corners.append((min(near * low, far * low), max(near * high, far * high)))
+        least, most = np.array(corners).T + self.relative_eye(origin)
+        return least, most
 
     # -- sizes in pixels ------------------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scenegraph import IN, OUT, PARTIAL, Batch, Frame, Guarantee, Stage
+from scenegraph import IN, Batch, Frame, Guarantee, Stage
 from scenegraph.kernels.boxes import box_planes
 
 
@@ -26,14 +26,14 @@ class Frustum(Stage):
         """Classify the hierarchy against the six planes, then against the frustum's bounding box."""
         view, origin = frame.view, frame.snapshot.origin
         planes = view.planes(origin)
-        corners = view.corners() - origin
-        around = box_planes(corners.min(axis=0), corners.max(axis=0))
+        around = box_planes(*view.bounds(origin))
 
         def classify(batch: Batch) -> NDArray[np.int8]:
             outside = batch.outside(planes)
             left = (~outside).nonzero()[0]
             outside[left] = batch.outside(around, left)
-            verdict = np.where(outside, np.int8(OUT), np.int8(PARTIAL))
+            # OUT and PARTIAL are False and True
+            verdict = np.logical_not(outside).view(np.int8)
             if not batch.is_rows:
                 verdict[batch.inside(planes)] = IN
             return verdict

@@ -42,8 +42,12 @@ class Catalog:
     one_sided : (b, j) bool
     image : (b, j) float64
         Half the surface: no parallel projection is larger.
+    ball : (6, b, j) float64
+        Center, 1, radius and bulk: the arrays above are views of it.
     block_center : (3, b), block_radius, block_image, block_area, block_bulk : (b,) float64
         A ball around each block, and the largest values in it.
+    block_ball : (5, b) float64
+        Center, 1 and radius.
     has_polygons : bool
     warp : (f,) float64
         For each face of the table, see `scenegraph.kernels.silhouettes.cone_warp`.
@@ -62,17 +66,23 @@ class Catalog:
         j = 1 << round(np.log2(max(np.sqrt(len(ids)) / 4.0, 8.0)))
         blocks = -(-len(ids) // j)
         self.ids: NDArray[np.int64] = np.full((blocks, j), -1)
-        self.center = np.full((3, blocks, j), np.nan)
-        self.radius, self.bulk, self.image = (np.zeros((blocks, j)) for _ in range(3))
+        # together, so that a ranking takes them along at once: x, y, z, 1, radius, bulk
+        self.ball = np.ones((6, blocks, j))
+        self.center, self.radius, self.bulk = self.ball[:3], self.ball[4], self.ball[5]
+        self.center[:], self.ball[4:] = np.nan, 0.0
+        self.image = np.zeros((blocks, j))
         self.area = np.zeros((3, blocks, j))
         self.one_sided = np.zeros((blocks, j), bool)
-        self.block_center = np.zeros((3, blocks))
-        self.block_radius, self.block_image, self.block_area, self.block_bulk = np.zeros((4, blocks))
+        self.block_ball = np.ones((5, blocks))
+        self.block_center, self.block_radius = self.block_ball[:3], self.block_ball[4]
+        self.block_center[:], self.block_radius[:] = 0.0, 0.0
+        self.block_image, self.block_area, self.block_bulk = np.zeros((3, blocks))
         self.warp = np.zeros(len(table.areas))
         self._version = -1
         self._matrices: Floats | None = None
         self.unusable = 0
         self.has_polygons = not bool(table.solid[ids].all())
+        self._count = len(ids)
         if blocks:
             first = table.vertices[table.vertex_first[ids]].T
             self.ids.reshape(-1)[: len(ids)] = ids[slice_morton_order(first)]
@@ -80,7 +90,7 @@ class Catalog:
         self.refresh()
 
     def __len__(self) -> int:
-        return int((self.ids >= 0).sum())
+        return self._count
 
     def refresh(self) -> bool:
         """Measure again what has moved since the last call; whether anything has."""

@@ -27,17 +27,21 @@ def covered(shapes: Shapes, rows: Floats, good: Bools, most: int) -> Bools:
     """
     m, p, _ = rows.shape
     asked = good.nonzero()[0][:most]
+    k = len(asked)
     boxes = np.ones((7, m))
-    low, high = shapes.points.min(axis=1), shapes.points.max(axis=1)
+    low, high = np.minimum.reduce(shapes.points, axis=1), np.maximum.reduce(shapes.points, axis=1)
     np.multiply(high + low, 0.5, out=boxes[:3])
     np.multiply(high - low, 0.5, out=boxes[3:6])
-    depth = (rows.take(asked, axis=0).reshape(-1, 8)[:, :7] @ boxes).reshape(-1, p, m).min(axis=1)
-    holds = depth >= -LENIENT * np.abs(boxes[:6]).sum(axis=0)
-    holds[np.arange(len(asked)), asked] = False
-    earlier = asked[:, None] < np.arange(m)
-    mutual = np.zeros_like(holds)
-    mutual[:, asked] = holds[:, asked].T
-    return np.asarray((holds & (earlier | ~mutual)).any(axis=0))
+    # planes first: the minimum then runs along whole rows
+    planes = rows.transpose(1, 0, 2).take(asked, axis=1).reshape(-1, 8)[:, :7]
+    depth = np.minimum.reduce((planes @ boxes).reshape(p, k * m), axis=0).reshape(k, m)
+    holds = depth >= -LENIENT * np.add.reduce(np.abs(boxes[:6]), axis=0)
+    among = holds.take(asked, axis=1)
+    among.reshape(-1)[:: k + 1] = False
+    out: Bools = np.logical_or.reduce(holds, axis=0)
+    rank = np.arange(k)
+    out[asked] = np.logical_or.reduce(among & ((rank[:, None] < rank) | ~among.T), axis=0)
+    return out
 
 
 def by_solid_angle(shapes: Shapes, good: Bools) -> Ints:

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +19,9 @@ from numpy.typing import NDArray
 from scenegraph import OccluderTable, View
 from scenegraph.kernels.shadow_frusta import box_depth_in_frusta_exact
 from scenegraph.kernels.silhouettes import UNUSED, cone_shadow_rows
-from scenegraph.kernels.slices import slice_expand, slice_padded
+from scenegraph.kernels.slices import slice_entries, slice_expand, slice_padded
 from scenegraph.kernels.solid_angles import angle_solid_triangles
-from scenegraph.kernels.windows import edge_enters, point_inside, point_outcodes
+from scenegraph.kernels.windows import edge_enters, point_sides
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -66,7 +68,7 @@ class ShadowFrusta:
     def __len__(self) -> int:
         return len(self.ids)
 
-    @property
+    @cached_property
     def owner(self) -> Ints:
         """(m, 2) first and end row that each may never hide."""
         return self.table.owner.take(self.ids, axis=0)
@@ -97,6 +99,8 @@ class Topology:
         First vertex of each face.
     ends, edge_faces : (2, e, c) int
         See `scenegraph.kernels.silhouettes`.
+    any_planar, any_outside_only : bool
+        Whether the table has such occluders.
     """
 
     def __init__(self, table: OccluderTable) -> None:
@@ -108,6 +112,7 @@ class Topology:
         of = np.unique(self.build, return_index=True)[1]
         base, first_face = table.vertex_first[of], table.face_first[of]
         zero, count = np.zeros_like(base), table.face_first[of + 1] - first_face
+        self.any_planar, self.any_outside_only = not table.solid.all(), bool(table.outside_only.any())
         self.vertices = slice_padded(zero, table.vertex_first[of + 1] - base).T.copy()
         self.faces = slice_padded(zero, count).T.copy()
         self.is_face = (np.arange(len(self.faces))[:, None] < count).astype(np.float64)
@@ -119,6 +124,21 @@ class Topology:
         sides = np.where(sides < 0, len(self.faces), sides - first_face[:, None])
         sides[1:][edge[1:] == edge[:-1]] = 0
         self.edge_faces = sides.transpose(2, 0, 1).copy()
+        self._table, self._only_build = table, len(of) == 1
+
+    def of_vertices(self, values: NDArray[Any], build: Ints | slice, ids: Ints) -> NDArray[Any]:
+        """(v, k, ...) what the vertices of some occluders have, padded."""
+        return self._of(values, self.vertices, self._table.vertex_first, build, ids)
+
+    def of_faces(self, values: NDArray[Any], build: Ints | slice, ids: Ints) -> NDArray[Any]:
+        """(f, k, ...) what the faces of some occluders have, padded."""
+        return self._of(values, self.faces, self._table.face_first, build, ids)
+
+    def _of(self, values: NDArray[Any], part: Ints, first: Ints, build: Ints | slice, ids: Ints) -> NDArray[Any]:
+        if self._only_build:
+            # all have as many: whole occluders are taken, not one index after the other
+            return values.reshape(-1, len(part), *values.shape[1:]).take(ids, axis=0).swapaxes(0, 1)
+        return values.take(part[:, build] + first.take(ids), axis=0)
 
 
 class Shapes:
@@ -135,14 +155,14 @@ class Shapes:
     def __init__(self, table: OccluderTable, topology: Topology, warp: Floats, ids: Ints, view: View) -> None:
         self.ids, self.view = ids, view
         self._table, self._topology, self._warp = table, topology, warp
-        build = topology.build[ids]
+        build = topology.build.take(ids)
         # where all are of one build, what is the same for all is left to broadcasting
         alike = len(build) > 0 and bool((build == build[0]).all())
         self._build: Ints | slice = slice(int(build[0]), int(build[0]) + 1) if alike else build
-        world = table.vertices.take(topology.vertices[:, self._build] + table.vertex_first.take(ids), axis=0)
-        world -= view.eye
-        self.points = np.ascontiguousarray(world.transpose(2, 0, 1))
-        self.reach = 2.0 * np.abs(self.points).max(axis=(0, 1))
+        vertices = topology.of_vertices(table.vertices, self._build, ids)
+        self.points = np.empty((3, *vertices.shape[:2]))
+        np.subtract(vertices.transpose(2, 0, 1), np.asarray(view.eye)[:, None, None], out=self.points)
+        self.reach = 2.0 * np.maximum.reduce(np.abs(self.points).reshape(-1, len(ids)), axis=0)
 
     def solid_angles(self) -> Floats:
         """(m,) solid angles, exact: faces cover every direction of a solid twice, and of a polygon once.
@@ -180,21 +200,24 @@ class Shapes:
         faults : (4, m) bool
             In the order of `FAULTS`; no occluder has more than one.
         """
-        topology, view, m = self._topology, self.view, len(self.ids)
-        both = np.concatenate([window, -window[4:5]])
-        size = float(self.reach.max())
-        codes = point_outcodes(self.points, both, size=size)
+        topology, view = self._topology, self.view
+        both = np.empty((7, 4))
+        both[:6] = window
+        np.negative(window[4], out=both[6])
+        size = float(np.maximum.reduce(self.reach))
+        codes, seen = point_sides(self.points, both, size=size, around=4)
         common = np.bitwise_and.reduce(codes, axis=0)
         # the last bit: surely behind the near plane, where everything is drawn
         outside, beyond = (common & 0b0111111) != 0, common >= 0b1000000
-        flat = codes.reshape(-1).take(topology.ends[..., self._build] * m + np.arange(m))
         # the first four bits: the sides of the window, which are lines on the screen
-        unneeded = (flat[0] & flat[1] & 0b0001111) != 0
-        whole = unneeded.all(axis=0) & ~outside
+        codes &= 0b0001111
+        ends = slice_entries(codes, topology.ends[..., self._build])
+        unneeded = (ends[0] & ends[1]) != 0
+        whole = np.logical_and.reduce(unneeded, axis=0) & ~outside
         # that edges beyond a side do not matter holds only for what is seen at all: an occluder beyond a corner may lie
         # on the inner side of the only edge that is left, and so does the window
-        some = unneeded.any(axis=0) & ~whole & ~outside
-        unseen = some & ~point_inside(self.points, window[:4], size=size).any(axis=0)
+        some = np.logical_or.reduce(unneeded, axis=0) & ~(whole | outside)
+        unseen = some & ~np.logical_or.reduce(seen, axis=0)
         if unseen.any():
             unseen &= ~self._edges_enter(unseen.nonzero()[0], window[:4], size)
         unneeded &= some & ~unseen
@@ -210,8 +233,12 @@ class Shapes:
                 rows[which] = 0.0
                 rows[which, :, 6] = UNUSED
                 rows[which, : bare.shape[1]] = bare
-        polygon = ~self._table.solid.take(self.ids)
-        faults = np.array([outside, ~lit & polygon, ~(clear & lit), ~sound])
+        faults = np.zeros((4, len(self.ids)), bool)
+        faults[0] = outside
+        if topology.any_planar:
+            np.logical_and(~lit, ~self._table.solid.take(self.ids), out=faults[1])
+        np.logical_not(clear & lit, out=faults[2])
+        np.logical_not(sound, out=faults[3])
         faults[1:] &= ~np.logical_or.accumulate(faults[:-1], axis=0)
         return rows, faults
 
@@ -234,20 +261,21 @@ class Shapes:
             ids, points, reach = ids[which], points[..., which], reach[which]
             beyond, unneeded = beyond[which], unneeded[:, which]
             build = build if isinstance(build, slice) else build[which]
-        faces = topology.faces[:, build] + table.face_first.take(ids)
-        polygon = ~table.solid.take(ids)
+        two_sided = None
+        if topology.any_planar and (polygon := ~table.solid.take(ids)).any():
+            two_sided = table.two_sided.take(ids) & polygon
         return cone_shadow_rows(
             points,
-            np.ascontiguousarray(table.normals.take(faces, axis=0).transpose(2, 0, 1)),
-            table.areas.take(faces) * topology.is_face[:, build],
-            self._warp.take(faces),
+            np.ascontiguousarray(topology.of_faces(table.normals, build, ids).transpose(2, 0, 1)),
+            np.ascontiguousarray(topology.of_faces(table.areas, build, ids)) * topology.is_face[:, build],
+            np.ascontiguousarray(topology.of_faces(self._warp, build, ids)),
             topology.corners[:, build],
             topology.ends[..., build],
             topology.edge_faces[..., build],
             reach=reach,
             world=max(map(abs, view.eye)),
             guard=_guard(view),
-            two_sided=table.two_sided.take(ids) & polygon if polygon.any() else None,
+            two_sided=two_sided,
             beyond=beyond,
             unneeded=unneeded,
             direction=view.forward if view.is_parallel else None,

@@ -42,23 +42,29 @@ class Scores:
         self._eye = np.asarray(view.eye)
         self._forward = view.forward if view.is_parallel else None
         self.scored = 0
-        to_block = catalog.block_center - self._eye[:, None]
+        ball = catalog.block_ball.copy()
+        to_block = ball[:3]
+        to_block -= self._eye[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             if self._forward is None:
-                near = np.sqrt((to_block * to_block).sum(axis=0)) - catalog.block_radius
-                near = np.maximum(near, 0.0)
+                near = np.sqrt(np.add.reduce(to_block * to_block, axis=0))
+                near -= catalog.block_radius
+                np.maximum(near, 0.0, out=near)
             else:
                 near = np.ones(to_block.shape[1])
             if measure == "image":
-                bound = catalog.block_image / near**2
+                bound = catalog.block_image / (near * near)
             elif measure == "printed" and not view.is_parallel:
                 bound = np.fmax(catalog.block_area / near, (np.sqrt(catalog.block_bulk) / near) ** 3)
             else:
-                bound = np.fmax(catalog.block_area, catalog.block_bulk) / near**2
+                bound = np.fmax(catalog.block_area, catalog.block_bulk) / (near * near)
+        bound *= 1.0 + 1e-6
         #: No occluder of a block scores more; infinite where the eye may be among them.
-        self.bound = np.fmax(bound * (1.0 + 1e-6), 0.0)
-        self._to_block = to_block
-        self._score = np.zeros(catalog.ids.shape)
+        self.bound = np.fmax(bound, 0.0, out=bound)
+        self._ball = ball
+        self._found: list[tuple[NDArray[np.int64], Floats]] = []
+        # kept only once a second view asks: most eyes have one
+        self._score: Floats | None = None
         self._open = np.zeros(len(catalog.ids), bool)
 
     def fits(self, catalog: Catalog, view: View) -> bool:
@@ -66,16 +72,20 @@ class Scores:
         return self.key == _key(catalog, view)
 
     def _scored(self, blocks: NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """Scores of the occluders in blocks, and the ways to them (3, ...)."""
+        """Scores of the occluders in blocks, and their balls (6, ...) relative to the eye, as `Catalog.ball`."""
         catalog = self._catalog
-        to = catalog.center.take(blocks, axis=1)
+        ball = catalog.ball.take(blocks, axis=1)
+        to = ball[:3]
         to -= self._eye[:, None, None]
-        if self._open.take(blocks).all():
-            return self._score.take(blocks, axis=0), to
+        fresh = len(blocks)
+        if self._score is not None:
+            fresh -= int(np.count_nonzero(self._open.take(blocks)))
+            if not fresh:
+                return self._score.take(blocks, axis=0), ball
         with np.errstate(all="ignore"):
-            way, squared = to, 1.0 if self._forward is not None else (to * to).sum(axis=0)
+            way, squared = to, 1.0 if self._forward is not None else np.add.reduce(to * to, axis=0)
             printed = self._measure == "printed" and self._forward is None
-            score = (catalog.image if self._measure == "image" else catalog.bulk).take(blocks, axis=0) / squared
+            score = (catalog.image.take(blocks, axis=0) if self._measure == "image" else ball[5]) / squared
             if printed:
                 score *= np.sqrt(score)
             if self._measure != "image" and catalog.has_polygons:
@@ -85,13 +95,20 @@ class Scores:
                 facing = np.where(catalog.one_sided.take(blocks, axis=0), facing, np.abs(facing))
                 score += facing / (squared if printed else squared * np.sqrt(squared))
             # not a number, or facing away
-            score[~(score > 0.0)] = 0.0
+            np.fmax(score, 0.0, out=score)
             # what rounding alone tells apart counts as equal
             score = score.astype(np.float32).astype(np.float64)
-        self.scored += int(np.count_nonzero(~self._open.take(blocks))) * score.shape[1]
-        self._score[blocks] = score
-        self._open[blocks] = True
-        return score, to
+        self.scored += fresh * score.shape[1]
+        self._found.append((blocks, score))
+        return score, ball
+
+    def _keep(self) -> None:
+        if self._score is None:
+            self._score = np.zeros(self._catalog.ids.shape)
+        for blocks, score in self._found:
+            self._score[blocks] = score
+            self._open[blocks] = True
+        self._found.clear()
 
     def best(self, planes: Floats, count: int, hint: float = np.inf) -> tuple[NDArray[np.int64], float]:
         """The occluders with the highest scores that may be in a view.
@@ -112,10 +129,13 @@ class Scores:
             The score of the last.
         """
         catalog = self._catalog
-        level = planes[:, :3] @ self._to_block
-        level += planes[:, 3:]
-        unseen = np.where(level.min(axis=0) >= -catalog.block_radius, self.bound, 0.0)
-        ids: NDArray[np.int64] = np.zeros(0, np.int64)
+        if self._found:
+            self._keep()
+        # n·x + d + radius
+        reaching = np.ones((len(planes), 5))
+        reaching[:, :4] = planes
+        unseen = np.where(np.minimum.reduce(reaching @ self._ball, axis=0) >= 0.0, self.bound, 0.0)
+        ids: NDArray[np.int64] | None = None
         score, reached = np.zeros(0), 0.0
         # without a guess: twice as many blocks as would do if all their members counted
         share = 2 * -(-count // catalog.ids.shape[1])
@@ -123,36 +143,42 @@ class Scores:
         while True:
             blocks = ((unseen >= least) & (unseen > 0.0)).nonzero()[0]
             if len(blocks):
-                found, value = self._members(blocks, planes)
-                ids, score = np.concatenate([ids, found]), np.concatenate([score, value])
+                found, value = self._members(blocks, reaching)
+                if ids is None:
+                    ids, score = found, value
+                else:
+                    ids, score = np.concatenate([ids, found]), np.concatenate([score, value])
                 reached = max(_nth(score, count), 0.0)
                 unseen[blocks] = 0.0
-            most = unseen.max(initial=0.0)
+            most = np.maximum.reduce(unseen, initial=0.0)
             if most == 0.0 or most < reached:
                 break
             least = reached if reached > 0.0 else _nth(unseen, share)
-        keep = score >= reached
-        ids, score = ids[keep], score[keep]
+        if ids is None:
+            return np.zeros(0, np.int64), np.inf
+        keep = (score >= reached).nonzero()[0]
+        ids, score = ids.take(keep), score.take(keep)
         order = np.lexsort((ids, -score))[:count]
-        return ids[order], float(score[order[-1]]) if len(order) else np.inf
+        return ids.take(order), float(score[order[-1]]) if len(order) else np.inf
 
-    def _members(self, blocks: NDArray[np.int64], planes: Floats) -> tuple[NDArray[np.int64], Floats]:
+    def _members(self, blocks: NDArray[np.int64], reaching: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Occluders of some blocks that may be in a view, and their scores."""
         catalog = self._catalog
-        score, to = self._scored(blocks)
-        level = planes[:, :3] @ to.reshape(3, -1)
-        level += planes[:, 3:]
-        inside = level.min(axis=0) >= -catalog.radius.take(blocks, axis=0).reshape(-1)
-        inside &= score.reshape(-1) > 0.0
+        score, ball = self._scored(blocks)
+        score = score.reshape(-1)
+        inside = np.minimum.reduce(reaching @ ball[:5].reshape(5, -1), axis=0) >= 0.0
+        inside &= score > 0.0
         good = inside.nonzero()[0]
-        return catalog.ids.take(blocks, axis=0).reshape(-1).take(good), score.reshape(-1).take(good)
+        return catalog.ids.take(blocks, axis=0).reshape(-1).take(good), score.take(good)
 
 
 def _nth(values: Floats, n: int) -> float:
     """The n-th largest value, or minus infinity if there are fewer."""
     if len(values) < n:
         return -np.inf
-    return float(np.partition(values, len(values) - n)[len(values) - n])
+    values = values.copy()
+    values.partition(len(values) - n)
+    return float(values[len(values) - n])
 
 
 def _key(catalog: Catalog, view: View) -> tuple[object, ...]:

@@ -114,8 +114,8 @@ class Shadow(Stage):
             return ShadowFrusta(table, pool, none, none, pool, np.asarray(view.eye), pool, chosen_at)
         shapes = Shapes(table, self._topology, self._catalog.warp, pool, view)
         rows, faults = shapes.rows(window, MOST_FACES if self.cap == "faces" else 0)
-        good: Bools = np.asarray(~faults.any(axis=0))
-        if table.outside_only.take(pool).any():
+        good: Bools = np.asarray(~np.logical_or.reduce(faults, axis=0))
+        if self._topology.any_outside_only and table.outside_only.take(pool).any():
             good &= table.holds_for(view, frame.snapshot.boxes).take(pool)
         whole = good if not table.holes else good & ~np.isin(pool, [o for o, _, _ in table.holes])
         idle = covered(shapes, rows, whole, self.active)
@@ -126,7 +126,7 @@ class Shadow(Stage):
             active=len(order),
             covered=int(np.count_nonzero(idle)),
             unusable=self._catalog.unusable,
-            **dict(zip(FAULTS, faults.sum(axis=1).tolist(), strict=True)),
+            **dict(zip(FAULTS, np.add.reduce(faults, axis=1).tolist(), strict=True)),
         )
         if self.reselect > 1 and chosen_at == frame.index:
             # what was chosen, and a few more in case the view turns away from some

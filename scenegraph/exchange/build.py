@@ -25,6 +25,7 @@ from .problems import Problems
 FLAT_FAR = 64.0
 #: A single mesh gets an offset of its own beyond this many half sizes (14 of the 24 bits of a float32).
 MESH_FAR = 16384.0
+_IDENTITY = np.eye(4).tolist()
 #: From here on neighboring float64 values are 0.125 apart.
 HUGE = 1e15
 
@@ -32,7 +33,7 @@ HUGE = 1e15
 def bounds_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """(2, 3) lowest and highest corner of the finite points; NaN if there are none."""
     if len(points):
-        lo, hi = points.min(axis=0), points.max(axis=0)
+        lo, hi = np.minimum.reduce(points, axis=0), np.maximum.reduce(points, axis=0)
         if not np.isfinite([lo, hi]).all():
             points = points[np.isfinite(points).all(axis=1)]
             if len(points):
@@ -220,7 +221,7 @@ class Builder:
 
 def node_of(matrix: NDArray[np.float64] | None, children: Iterable[Node], name: str) -> Group:
     """A `Transform`, or a plain `Group` where the matrix is the identity or None."""
-    if matrix is None or np.array_equal(matrix, np.eye(4)):
+    if matrix is None or matrix.tolist() == _IDENTITY:
         return Group(*children, name=name)
     return Transform(*children, matrix=matrix, name=name)
 

@@ -32,6 +32,7 @@ from .vtk_data import (
 )
 
 _FLAT = 0  # VTK_FLAT
+_IDENTITY = tuple(np.eye(4).ravel().tolist())
 #: What pyvista puts into the names of actors that were given none: another one in every run.
 _ADDRESS = re.compile(r"\((?:Addr=)?0x[0-9a-fA-F]+\)")
 
@@ -175,10 +176,9 @@ def _data(data: Any, name: str, above: tuple[Any, ...]) -> list[_Item]:
 def _actors(renderer: Any, problems: Problems) -> list[_Item]:
     named = getattr(renderer, "actors", None)  # a property of every VTK renderer, but a mapping in pyvista
     names = {_address(a): str(label) for label, a in named.items()} if isinstance(named, Mapping) else {}
-    props = renderer.GetViewProps()
     out: list[_Item] = []
-    for index in range(props.GetNumberOfItems()):
-        prop = props.GetItemAsObject(index)
+    # not by number: VTK counts from the first one each time
+    for index, prop in enumerate(renderer.GetViewProps()):
         name = _ADDRESS.sub("", names.get(_address(prop), prop.GetClassName()))
         if name != names.get(_address(prop)):
             name = f"{name} {index}"
@@ -202,14 +202,14 @@ def _prop(prop: Any, name: str, above: tuple[Any, ...], visible: bool, problems:
     mapper = prop.GetMapper() if prop.IsA("vtkActor") else None
     if mapper is None:  # texts, axes, scalar bars: drawn beside the scene, not in it
         return []
-    if mapper.GetInputAlgorithm() is not None:
-        mapper.GetInputAlgorithm().Update()
+    if (algorithm := mapper.GetInputAlgorithm()) is not None:
+        algorithm.Update()
     data = mapper.GetInputDataObject(0, 0)
     if data is None or mapper.IsA("vtkGlyph3DMapper"):
         problems.note(kinds.NO_TRIANGLES, name, mapper.GetClassName())
         return []
     matrix = _matrix(prop)
-    if matrix is not None and not np.array_equal(matrix[3], (0, 0, 0, 1)):
+    if matrix is not None and matrix[3].tolist() != [0, 0, 0, 1]:
         problems.note(kinds.PROJECTIVE, name)
         return []
     if matrix is not None:
@@ -276,5 +276,5 @@ def _address(thing: Any) -> str:
 def _matrix(prop: Any) -> NDArray[np.float64] | None:
     matrix = vtk_module("vtkCommonMath").vtkMatrix4x4()
     prop.GetMatrix(matrix)
-    values = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-    return None if np.array_equal(values, np.eye(4)) else values
+    values = matrix.GetData()
+    return None if values == _IDENTITY else np.array(values).reshape(4, 4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -15,6 +16,7 @@ from .materials import Look, as_rgba, plain_if_equal, rgba8
 _COLORS = "scenegraph colors"
 
 
+@cache
 def vtk_module(name: str) -> Any:
     """A module of VTK, imported when it is needed: that is slow, and most scenes come from files."""
     return import_module(f"vtkmodules.{name}")
@@ -54,7 +56,9 @@ def surface_of(
     normals : bool
         Whether to take the point normals, if there are any.
     """
-    if colors is not None:
+    carried = colors is not None and not _is_triangles(data)
+    if colors is not None and carried:
+        # the filters take them along
         copy = data.NewInstance()
         copy.ShallowCopy(data)
         array = vtk_module("util.numpy_support").numpy_to_vtk(np.ascontiguousarray(colors), deep=True)
@@ -64,7 +68,7 @@ def surface_of(
     if not data.IsA("vtkPolyData"):
         data = _filtered(vtk_module("vtkFiltersGeometry").vtkDataSetSurfaceFilter(), data)
     polys, before = data.GetPolys(), data.GetVerts().GetNumberOfCells() + data.GetLines().GetNumberOfCells()
-    if data.GetStrips().GetNumberOfCells() or polys.IsHomogeneous() not in (0, 3):
+    if not _is_triangles(data):
         triangulate = vtk_module("vtkFiltersCore").vtkTriangleFilter()
         triangulate.PassVertsOff()
         triangulate.PassLinesOff()
@@ -78,7 +82,7 @@ def surface_of(
     uv = point_data.GetTCoords()
     look = Look(uv=None if uv is None or uv.GetNumberOfComponents() < 2 else to_numpy(uv)[:, :2].astype(np.float32))
     if colors is not None:
-        mapped = to_numpy((cell_data if cell_colors else point_data).GetArray(_COLORS))
+        mapped = to_numpy((cell_data if cell_colors else point_data).GetArray(_COLORS)) if carried else colors
         if cell_colors:
             look = replace(look, face_colors=rgba8(mapped[before : before + len(faces)]))
         else:
@@ -86,6 +90,13 @@ def surface_of(
         plain = plain_if_equal(look)
         look = replace(plain, uv=look.uv)
     return Surface(vertices, faces, None if found is None else to_numpy(found), look)
+
+
+def _is_triangles(data: Any) -> bool:
+    """Whether a data set's polygons are triangles already, and need no filter."""
+    if not data.IsA("vtkPolyData") or data.GetStrips().GetNumberOfCells():
+        return False
+    return data.GetPolys().IsHomogeneous() in (0, 3)
 
 
 def _filtered(algorithm: Any, data: Any) -> Any:

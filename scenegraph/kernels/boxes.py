@@ -8,6 +8,11 @@ from numpy.typing import NDArray
 #: Rounding of a seven-term product and of its inputs, in units of the float format's epsilon.
 ROUNDING = 8.0
 
+_EPS32, _MAX32 = float(np.finfo(np.float32).eps), float(np.finfo(np.float32).max)
+
+#: Inward normals of an axis-aligned box.
+_AXES = np.concatenate([np.eye(3), -np.eye(3)])
+
 
 def box_from_bounds(low: NDArray[np.float64], high: NDArray[np.float64], /) -> NDArray[np.float64]:
     """Boxes from lowest and highest corners.
@@ -102,7 +107,9 @@ def box_plane_rows(planes: NDArray[np.float64], /, *, nearest: bool = False) -> 
     """
     rows = np.zeros((len(planes), 8))
     rows[:, :3] = planes[:, :3]
-    rows[:, 3:6] = -np.abs(planes[:, :3]) if nearest else np.abs(planes[:, :3])
+    np.abs(rows[:, :3], out=rows[:, 3:6])
+    if nearest:
+        np.negative(rows[:, 3:6], out=rows[:, 3:6])
     rows[:, 6] = planes[:, 3]
     return rows
 
@@ -136,14 +143,15 @@ def box_outside(
         bound = _rounding_bound(planes, radius)
         outside = distance < -bound
         # what is neither surely outside nor surely not, NaN included
-        decided = distance > bound
-        np.logical_or(decided, outside, out=decided)
+        decided = np.abs(distance, out=distance) > bound
+    if np.count_nonzero(decided) == len(decided):
+        return outside, np.zeros(0, np.int64)
     return outside, (~decided).nonzero()[0]
 
 
 def _rounding_bound(planes: NDArray[np.float64], radius: float) -> float:
-    bound = ROUNDING * float(np.finfo(np.float32).eps) * (radius + float(np.abs(planes[:, 3]).max()))
-    return bound if bound < np.finfo(np.float32).max else np.inf
+    bound = ROUNDING * _EPS32 * (radius + max(map(abs, planes[:, 3].tolist())))
+    return bound if bound < _MAX32 else np.inf
 
 
 def box_outside_exact(
@@ -183,4 +191,8 @@ def box_inside(packed: NDArray[np.float32], planes: NDArray[np.float64], /, *, r
 
 def box_planes(low: NDArray[np.float64], high: NDArray[np.float64], /) -> NDArray[np.float64]:
     """(6, 4) inward planes of the box [low, high]."""
-    return np.column_stack([np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([-low, high])])
+    planes = np.empty((6, 4))
+    planes[:, :3] = _AXES
+    np.negative(low, out=planes[:3, 3])
+    planes[3:, 3] = high
+    return planes

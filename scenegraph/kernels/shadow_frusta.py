@@ -21,7 +21,7 @@ UNUSED = 1e30
 #: Boxes in one product.
 BLOCK = 4096
 
-_EPS = float(np.finfo(np.float64).eps)
+_EPS, _EPS32 = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
 
 
 def cone_rows_packed(
@@ -52,20 +52,22 @@ def cone_rows_packed(
     away = eye - origin
     far = sum(map(abs, away.tolist())) + radius
     world = ROUNDING * _EPS * (sum(map(abs, origin.tolist())) + sum(map(abs, eye.tolist())) + radius)
+    flat = rows.reshape(-1, 8)
     with np.errstate(over="ignore", invalid="ignore"):
-        offset = rows[..., 6] - rows[..., :3] @ away
+        offset = flat[:, 6] - flat[:, :3] @ away
         margin = np.abs(offset)
         # rows that are not used hold for every box, or for none, and need no margin
-        margin[margin > 0.5 * UNUSED] = 0.0
+        np.putmask(margin, margin > 0.5 * UNUSED, 0.0)
         margin += radius
-        margin *= ROUNDING * float(np.finfo(np.float32).eps)
-        margin -= rows[..., 7] * far
+        margin *= ROUNDING * _EPS32
+        margin -= flat[:, 7] * far
         margin += world
-        out = rows.astype(np.float32)
-        out[..., 6] = offset - margin
-        out[..., 7] = 0.0
-    largest = float(margin.max(initial=0.0))
-    return out, largest if largest == largest else np.inf
+        out = flat.astype(np.float32)
+        offset -= margin
+        out[:, 6] = offset
+        out[:, 7] = 0.0
+    largest = float(np.maximum.reduce(margin, initial=0.0))
+    return out.reshape(rows.shape), largest if largest == largest else np.inf
 
 
 def box_depth_in_frusta(

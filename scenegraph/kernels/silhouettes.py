@@ -14,6 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .slices import slice_entries
+
 #: Rounding of a cross product and of its normalization, in units of float64 epsilon.
 ROUNDING = 16.0
 
@@ -63,7 +65,7 @@ def cone_outline(front: NDArray[np.bool_], edge_faces: NDArray[np.integer], /) -
     f, m = front.shape
     lit = np.zeros((f + 1, m), bool)
     lit[:f] = front
-    sides = lit.reshape(-1).take(edge_faces * m + np.arange(m))
+    sides = slice_entries(lit, edge_faces)
     return np.asarray(sides[0] != sides[1])
 
 
@@ -109,16 +111,17 @@ def cone_side_planes(
         else:
             a, b = end - start, np.broadcast_to(direction[:, None], start.shape)
             doubt = (4.0 * ROUNDING * _EPS) * reach + 4.0 * error
-        normal = np.empty_like(start)
-        np.subtract(a[1] * b[2], a[2] * b[1], out=normal[0])
-        np.subtract(a[2] * b[0], a[0] * b[2], out=normal[1])
-        np.subtract(a[0] * b[1], a[1] * b[0], out=normal[2])
-        size = np.sqrt((normal * normal).sum(axis=0))
+        normal = np.empty(start.shape)
+        (ax, ay, az), (bx, by, bz), (x, y, z) = a, b, normal
+        np.subtract(ay * bz, az * by, out=x)
+        np.subtract(az * bx, ax * bz, out=y)
+        np.subtract(ax * by, ay * bx, out=z)
+        size = np.sqrt(np.add.reduce(normal * normal, axis=0))
         slack = doubt / size
         slack += ROUNDING * _EPS
         normal /= size
-        turn = (normal * center).sum(axis=0)
-        offset = np.zeros_like(turn)
+        turn = np.add.reduce(normal * center, axis=0)
+        offset = np.zeros(len(turn))
         if direction is not None:
             offset -= (normal * start).sum(axis=0)
             turn += offset
@@ -278,12 +281,12 @@ def cone_shadow_rows(
     number = np.arange(m)
     flat = points.reshape(3, -1)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        center = points.sum(axis=1)
+        center = np.add.reduce(points, axis=1)
         center /= v
         error = (4.0 * _EPS) * (reach + 2.0 * world)
         round_off = error + (ROUNDING * _EPS) * reach
 
-        height = (normals * flat.take(corners * m + number, axis=1)).sum(axis=0)
+        height = np.add.reduce(normals * slice_entries(points, corners), axis=0)
         # a normal is as uncertain as its face is small
         doubt = (ROUNDING * error * reach * reach) / areas
         doubt += round_off
@@ -301,14 +304,23 @@ def cone_shadow_rows(
             height = np.where(behind, -height, height)
             front, back = front | behind, back & ~behind
         back |= padding
-        clear = np.zeros(m, bool) if direction is not None else (front & (height + doubt < -guard)).any(axis=0)
+        if direction is not None:
+            clear = np.zeros(m, bool)
+        else:
+            clear = np.logical_or.reduce(front & (height + doubt < -guard), axis=0)
         if beyond is not None:
             clear |= beyond
 
         outline = cone_outline(front, edge_faces)
-        edge = outline.ravel().nonzero()[0]
+        edge = outline.reshape(-1).nonzero()[0]
         which = edge % m
-        first, last = (ends * m + number).reshape(2, -1).take(edge, axis=1)
+        if ends.shape[2] == 1:
+            both_ends = ends[..., 0].take(edge // m, axis=1)
+            both_ends *= m
+            both_ends += which
+        else:
+            both_ends = (ends * m + number).reshape(2, -1).take(edge, axis=1)
+        first, last = both_ends
         start, end = flat.take(first, axis=1), flat.take(last, axis=1)
         far = reach.take(which)
         side, offset, slack, turn = cone_side_planes(
@@ -321,31 +333,34 @@ def cone_shadow_rows(
     sound[which[shaky]] = False
 
     faces = ~back
-    at_faces = (edge_faces[1] == f).any(axis=0) | (faces.sum(axis=0) <= most_faces)
+    at_faces = np.add.reduce(faces, axis=0, dtype=np.intp) <= most_faces
+    # a polygon: its first edge has nothing on the other side
+    at_faces |= edge_faces[1, 0] == f
     keep = np.empty((len(outline) + f + 1, m), bool)
-    sides = keep[: len(outline)]
+    sides, ends_at, last_one = keep[: len(outline)], keep[len(outline) : -1], keep[-1]
     np.logical_and(outline, True if unneeded is None else ~unneeded, out=sides)
-    np.logical_and(faces, at_faces, out=keep[len(outline) : -1])
-    np.logical_not(at_faces, out=keep[-1])
-    kept = sides.reshape(-1).take(edge).nonzero()[0]
-    cap = keep[len(outline) : -1].ravel().nonzero()[0]
-    normal = [side.take(kept, axis=1), -normals.reshape(3, -1).take(cap, axis=1)]
-    distance = [offset.take(kept), (height - warp - round_off).reshape(-1).take(cap)]
-    if keep[-1].any():
-        deep, depth = cone_depth_caps(start, end, which, reach=reach, error=error, direction=direction)
-        rest = keep[-1].nonzero()[0]
-        normal.append(deep.take(rest, axis=1))
-        distance.append(depth.take(rest))
+    np.logical_and(faces, at_faces, out=ends_at)
+    np.logical_not(at_faces, out=last_one)
+    kept, cap, rest = sides.reshape(-1).take(edge).nonzero()[0], ends_at.reshape(-1).nonzero()[0], last_one.nonzero()[0]
     # one after the other within each polyhedron
-    place = np.cumsum(keep, axis=0)
+    place = np.add.accumulate(keep, axis=0, dtype=np.intp)
     most = max(int(place[-1].max(initial=0)), 1)
     place += number * most - 1
-    slot = place.reshape(-1).take(keep.ravel().nonzero()[0])
+    slot = place.reshape(-1).take(keep.reshape(-1).nonzero()[0])
+    # components first while they are found, then whole rows at once
+    plane = np.empty((8, len(slot)))
+    a, b = len(kept), len(kept) + len(cap)
+    plane[:3, :a], plane[6, :a] = side.take(kept, axis=1), offset.take(kept)
+    np.negative(normals.reshape(3, -1).take(cap, axis=1), out=plane[:3, a:b])
+    plane[6, a:b] = (height - warp - round_off).reshape(-1).take(cap)
+    if len(rest):
+        deep, depth = cone_depth_caps(start, end, which, reach=reach, error=error, direction=direction)
+        plane[:3, b:], plane[6, b:] = deep.take(rest, axis=1), depth.take(rest)
+    np.negative(slack.take(kept), out=plane[7, :a])
+    plane[7, a:] = -ROUNDING * _EPS
+    np.abs(plane[:3], out=plane[3:6])
+    np.negative(plane[3:6], out=plane[3:6])
     rows = np.zeros((m * most, 8))
     rows[:, 6] = UNUSED
-    rows[slot, :3] = np.concatenate(normal, axis=1).T
-    rows[:, 3:6] = -np.abs(rows[:, :3])
-    rows[slot, 6] = np.concatenate(distance)
-    rows[slot, 7] = -ROUNDING * _EPS
-    rows[slot[: len(kept)], 7] = -slack.take(kept)
-    return rows.reshape(m, most, 8), front.any(axis=0), clear, sound
+    rows[slot] = plane.T
+    return rows.reshape(m, most, 8), np.logical_or.reduce(front, axis=0), clear, sound

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -98,3 +100,24 @@ def slice_padded(first: NDArray[np.integer], end: NDArray[np.integer], /) -> NDA
     index = first[..., None] + np.arange(longest)
     np.minimum(index, last[..., None], out=index)
     return index
+
+
+def slice_entries(values: NDArray[Any], index: NDArray[np.integer], /) -> NDArray[Any]:
+    """Entries of each slice along the last axis by an index of its own, or by one for all.
+
+    Parameters
+    ----------
+    values : (..., n, m)
+    index : (..., k, m or 1) int
+        Below n.
+
+    Returns
+    -------
+    (..., k, m)
+        The axes before are those of `values` and then those of `index`.
+    """
+    if index.shape[-1] == 1:
+        # whole rows: no index per entry has to be made
+        return np.asarray(values.take(index[..., 0], axis=-2))
+    m = values.shape[-1]
+    return np.asarray(values.reshape(*values.shape[:-2], -1).take(index * m + np.arange(m), axis=-1))

@@ -11,6 +11,37 @@ ROUNDING = 64.0
 _EPS = float(np.finfo(np.float64).eps)
 
 
+#: One bit per plane.
+_BITS = np.array([1, 2, 4, 8, 16, 32, 64, 128], np.uint8)
+
+
+def point_sides(
+    points: NDArray[np.float64], planes: NDArray[np.float64], /, *, size: float, around: int
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """`point_outcodes` for some planes and `point_inside` for the first of them, for little more than one of the two.
+
+    Parameters
+    ----------
+    points, planes, size
+        See `point_outcodes`.
+    around : int
+        To how many planes the second result belongs.
+
+    Returns
+    -------
+    codes : (...) uint8
+    inside : (...) bool
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        level = planes[:, :3] @ points.reshape(3, -1)
+        level += planes[:, 3:]
+        limit = ROUNDING * _EPS * (size + np.abs(planes[:, 3:]))
+        outside = level < -limit
+        inside = np.logical_and.reduce(level[:around] > limit[:around], axis=0)
+    shape = points.shape[1:]
+    return (_BITS[: len(planes)] @ outside.view(np.uint8)).reshape(shape), inside.reshape(shape)
+
+
 def point_outcodes(points: NDArray[np.float64], planes: NDArray[np.float64], /, *, size: float) -> NDArray[np.uint8]:
     """Of which planes each point is surely on the outer side, one bit per plane (Cohen & Sutherland).
 
@@ -29,13 +60,7 @@ def point_outcodes(points: NDArray[np.float64], planes: NDArray[np.float64], /, 
     (...) uint8
         Bit i, of value 2**i, for plane i. What is within rounding of a plane, or not a number, has no bit.
     """
-    with np.errstate(invalid="ignore", over="ignore"):
-        level = planes[:, :3] @ points.reshape(3, -1)
-        level += planes[:, 3:]
-        limit = ROUNDING * _EPS * (size + np.abs(planes[:, 3:]))
-        outside = level < -limit
-    bits = np.array([1, 2, 4, 8, 16, 32, 64, 128], np.uint8)[: len(planes)]
-    return np.asarray((bits @ outside.view(np.uint8)).reshape(points.shape[1:]))
+    return point_sides(points, planes, size=size, around=0)[0]
 
 
 def point_inside(points: NDArray[np.float64], planes: NDArray[np.float64], /, *, size: float) -> NDArray[np.bool_]:
@@ -46,10 +71,7 @@ def point_inside(points: NDArray[np.float64], planes: NDArray[np.float64], /, *,
     (...) bool
         False for what is within rounding of a plane, or not a number.
     """
-    with np.errstate(invalid="ignore", over="ignore"):
-        level = planes[:, :3] @ points.reshape(3, -1)
-        limit = ROUNDING * _EPS * (size + np.abs(planes[:, 3:])) - planes[:, 3:]
-        return np.asarray(np.logical_and.reduce(level > limit, axis=0)).reshape(points.shape[1:])
+    return point_sides(points, planes, size=size, around=len(planes))[1]
 
 
 def edge_enters(

@@ -10,9 +10,12 @@ batch.
 
 from __future__ import annotations
 
+import gc
 from collections import deque
+from collections.abc import Callable
+from functools import wraps
 from itertools import compress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
@@ -23,6 +26,24 @@ from .user_levels import UserLevels
 
 if TYPE_CHECKING:
     from ..frame import Frame
+
+_P = ParamSpec("_P")
+
+
+def _without_collecting(work: Callable[_P, None]) -> Callable[_P, None]:
+    """Without looking for garbage meanwhile: of the many objects that are made, all stay, and each look sees them."""
+
+    @wraps(work)
+    def quiet(*args: _P.args, **kwargs: _P.kwargs) -> None:
+        if not gc.isenabled():
+            return work(*args, **kwargs)
+        gc.disable()
+        try:
+            return work(*args, **kwargs)
+        finally:
+            gc.enable()
+
+    return quiet
 
 
 class UserActors:
@@ -46,9 +67,12 @@ class UserActors:
         The renderer has nothing with triangles in it.
     """
 
+    @_without_collecting
     def __init__(self, renderer: Any, batches: bool = False) -> None:
         from vtkmodules.vtkRenderingCore import vtkPropAssembly
 
+        # asked for many times below, they would be wrapped for Python anew each time: 15 µs an actor
+        held = [(p.GetMapper(), p.GetProperty()) for p in renderer.GetViewProps() if p.IsA("vtkActor")]
         self._renderer = renderer
         self._together = batches
         self.snapshot = Scene.from_pyvista(renderer).snapshot()
@@ -96,10 +120,11 @@ class UserActors:
         opaque[self._actor_at[(self._actor_at >= 0) & self._in_order]] = True
         self._levels = UserLevels(self._actors, np.where(once & self._top & opaque, own_row, -1))
         self._mark = int(self._watched.GetMTime())
+        del held
 
     def _read_list(self) -> None:
         props = self._props
-        self._list = [props.GetItemAsObject(i) for i in range(props.GetNumberOfItems())]
+        self._list = list(props)
         at = [self._numbers.get(prop.GetAddressAsString(""), -1) for prop in self._list]
         self._actor_at = np.array(at, np.int64)
         # what is translucent, or flat on the screen, is drawn after all that is opaque
@@ -245,7 +270,7 @@ def _state(actor: Any) -> tuple[Any, ...]:
     style = actor.GetProperty()
     return (
         actor.GetVisibility(),
-        tuple(matrix.GetElement(i, j) for i in range(3) for j in range(4)),
+        matrix.GetData(),
         0 if data is None else data.GetMTime(),
         style.GetOpacity(),
         style.GetRepresentation(),

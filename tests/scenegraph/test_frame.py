@@ -97,6 +97,33 @@ def test_carry_is_handed_down_and_can_be_changed(grid: sg.Snapshot) -> None:
     assert depth_seen == list(range(grid.tree.levels + 1))
 
 
+def test_rows_ascend_whatever_the_depth_of_their_leaves() -> None:
+    rng = np.random.default_rng(4)
+    root = sg.Group()
+    # the leaves of the many lie deeper than those of the few, whose rows come after them
+    for count in (4000, 20):
+        root.add(sg.Group(*(box_at((x, y, 0.0)) for x, y in rng.uniform(0, 100, (count, 2)))))
+    snapshot = sg.Scene(root).snapshot()
+    tree = snapshot.tree
+    assert len(np.unique(np.searchsorted(tree.level_start, np.flatnonzero(tree.is_leaf), side="right"))) > 1
+    asked: list[np.ndarray] = []
+
+    def classify(batch: sg.Batch) -> np.ndarray:
+        if batch.is_rows:
+            asked.append(batch.index)
+            assert batch.carry is not None
+            assert (tree.first[batch.carry] <= batch.index).all()
+            assert (tree.end[batch.carry] > batch.index).all()
+        else:
+            assert batch.carry is not None
+            batch.carry[:] = batch.index
+        return np.full(len(batch), sg.PARTIAL, np.int8)
+
+    sg.Frame(snapshot, sg.View((0, 0, 0), (1, 0, 0))).traverse(classify, carry=np.array(0), flat=False)
+    (rows,) = asked
+    assert np.array_equal(rows, np.arange(snapshot.n))
+
+
 def test_hide_takes_masks_and_indices_and_spares_protected_rows() -> None:
     snapshot = hostile_scene().snapshot()
     for rows in (np.ones(snapshot.n, bool), np.arange(snapshot.n), list(range(snapshot.n))):

@@ -38,6 +38,17 @@ def test_corners_lie_on_the_planes(seed: int) -> None:
         assert ((np.abs(distance) < 1e-9 * view.far).sum(axis=0) == 4).all()
 
 
+@given(seed=seeds)
+def test_bounds_hold_the_corners_and_no_more(seed: int) -> None:
+    for view in random_views(np.random.default_rng(seed), 4, 10.0):
+        origin = np.array([3.0, -2.0, 0.5])
+        corners = view.corners() - origin
+        low, high = view.bounds(origin)
+        close = 1e-12 * np.abs(corners).max()
+        assert np.abs(low - corners.min(axis=0)).max() <= close
+        assert np.abs(high - corners.max(axis=0)).max() <= close
+
+
 def test_side_planes_pass_through_the_eye_exactly() -> None:
     view = sg.View((1e7, 2e7, 3e7), (1e7 + 1, 2e7, 3e7), fov=0.01)
     assert (view.eye_planes[:4, 3] == 0).all()

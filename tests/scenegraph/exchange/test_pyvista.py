@@ -125,6 +125,22 @@ def test_colors_of_data_sets() -> None:
     assert geode.mesh.vertex_colors is None, "numbers are not colors without a lookup table"
 
 
+@pytest.mark.parametrize("faces", [[3, 0, 1, 2, 3, 0, 2, 3], [4, 0, 1, 2, 3, 3, 0, 1, 2]], ids=["triangles", "mixed"])
+def test_colors_of_cells_follow_their_cells_past_lines(faces: list[int]) -> None:
+    data = pv.PolyData([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], faces=faces, lines=[2, 0, 1])
+    data.cell_data["rgba"] = np.array([[9, 9, 9, 9], [1, 2, 3, 255], [5, 6, 7, 255]], np.uint8)
+    plotter = pv.Plotter(off_screen=True)
+    plotter.add_mesh(data, scalars="rgba", rgb=True, preference="cell")
+    (geode,) = geodes(from_pyvista(plotter)).values()
+    plotter.close()
+    mesh = geode.mesh
+    assert mesh.vertex_colors is not None
+    found = [tuple(mesh.vertex_colors[face[0]].tolist()) for face in mesh.faces]
+    assert all((mesh.vertex_colors[face] == mesh.vertex_colors[face[0]]).all() for face in mesh.faces)
+    first = 1 if faces[0] == 3 else 2
+    assert found == [(1, 2, 3, 255)] * first + [(5, 6, 7, 255)]
+
+
 @pytest.mark.parametrize(
     "source", [pv.MultiBlock(), pv.PolyData(), pv.PolyData([[0.0, 0, 0]]), pv.Line(), vtkRenderer()]
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenegraph import View
-from scenegraph.kernels.windows import edge_enters, point_inside, point_outcodes
+from scenegraph.kernels.windows import edge_enters, point_inside, point_outcodes, point_sides
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-9, 1e11])
@@ -55,3 +55,15 @@ def test_segments_at_the_border_do_not_enter():
     end = np.array([[1.0, 1, 1, 1, 1], [-1, 0, 0, 1, 1], [0, 0, 0, 0, 0]])
     # through the corner, along a side, along a side from without, not a number, and truly
     assert edge_enters(start, end, planes, size=1.0).tolist() == [False, False, False, False, True]
+
+
+def test_both_answers_at_once_are_those_of_each(rng):
+    view = View((1.0, 2.0, 3.0), (4.0, 1.0, 2.0), near=1.0, far=50.0)
+    points = rng.normal(size=(3, 20, 30)) * 30
+    points[:, 0, 0] = np.nan
+    planes = view.planes(view.eye)
+    codes, inside = point_sides(points, planes, size=200.0, around=4)
+    assert np.array_equal(codes, point_outcodes(points, planes, size=200.0))
+    assert np.array_equal(inside, point_inside(points, planes[:4], size=200.0))
+    assert inside.any()
+    assert not (inside & ((codes & 0b1111) != 0)).any()
