@@ -116,7 +116,9 @@ class PlotterCulling:
                 line = "nothing drawn yet"
             else:
                 record = driver.frame.record
-                line = f"{record.visible:,} of {driver.snapshot.n:,} drawn, decided in {record.cull_ms:.1f} ms"
+                n, whole = driver.snapshot.n, int(driver.snapshot.triangles[0].sum())
+                line = f"{record.visible:,} of {n:,} drawn with {record.triangles:,} of {whole:,} triangles"
+                line += f", decided in {record.cull_ms:.1f} ms"
             if driver.added:
                 line += f"; {driver.added} added since, call update()"
             line += "".join(f"; stage {name} is off: {what}" for name, what in driver.failures.items())

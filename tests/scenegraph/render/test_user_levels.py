@@ -193,3 +193,14 @@ def test_batches_and_levels_stand_side_by_side(made: Callable[..., Any]) -> None
     assert len(batched) < len(triangles)
     assert sum(batched) < 1200
     assert np.array_equal(picture, again)
+
+
+def test_a_plotter_says_how_many_triangles_were_drawn() -> None:
+    plotter = pv.Plotter(off_screen=True, window_size=(320, 240))
+    two(plotter)
+    plotter.scenegraph.enable("frustum | lod_error(pixels=2)", background=False)
+    plotter.show(auto_close=False)
+    _, triangles = drawn(plotter)
+    assert 0 < sum(triangles) < 3840
+    assert f"2 of 2 drawn with {sum(triangles):,} of 3,840 triangles" in plotter.scenegraph.status
+    plotter.close()
