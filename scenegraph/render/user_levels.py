@@ -15,14 +15,12 @@ import numpy as np
 from .actors import Surface, actor_of, matrix_of
 from .bake import Part, centered, ready_parts, without_lost_corners
 from .layout import I64, Mask
+from .user_looks import is_surface
 
 if TYPE_CHECKING:
     from ..frame import Frame
     from ..mesh import Mesh
     from ..snapshot import Snapshot
-
-_SURFACE = 2
-_MAPPERS = ("vtkDataSetMapper", "vtkOpenGLPolyDataMapper", "vtkPolyDataMapper")
 
 
 class UserLevels:
@@ -85,7 +83,6 @@ class UserLevels:
         made.SetProperty(actor.GetProperty())
         made.SetBackfaceProperty(actor.GetBackfaceProperty())
         made.SetTexture(actor.GetTexture())
-        made.SetPropertyKeys(actor.GetPropertyKeys())
         made.ForceOpaqueOn()
         made.PickableOff()
         self._made[index, level] = made
@@ -116,19 +113,9 @@ class UserLevels:
 
 def coloring_of(actor: Any) -> tuple[Any, ...] | None:
     """What decides the colors of an actor beside its property; None if it is more than a surface with colors."""
-    mapper, style, keys = actor.GetMapper(), actor.GetProperty(), actor.GetPropertyKeys()
-    if (
-        mapper.GetClassName() not in _MAPPERS
-        or style.GetRepresentation() != _SURFACE
-        or style.GetEdgeVisibility()
-        or style.GetVertexVisibility()
-        or style.GetNumberOfTextures()
-        or actor.GetShaderProperty().GetNumberOfShaderReplacements()
-        or actor.GetCoordinateSystem()
-        or mapper.GetClippingPlanes() is not None
-        or (keys is not None and keys.GetNumberOfKeys())
-    ):
+    if not is_surface(actor):
         return None
+    mapper = actor.GetMapper()
     data = mapper.GetInputDataObject(0, 0)
     if data.IsA("vtkPolyData") and (data.GetNumberOfVerts() or data.GetNumberOfLines()):
         return None

@@ -41,19 +41,15 @@ class Shape:
     high: F64
 
 
-def look_of(actor: Any) -> tuple[Any, ...] | None:
-    """What actors must share to be drawn by one call, their color excepted; None for one that is drawn on its own."""
+def is_surface(actor: Any) -> bool:
+    """Whether an actor is an opaque surface and no more: no edges, no clipping planes, no shaders of its own."""
     style, mapper, keys = actor.GetProperty(), actor.GetMapper(), actor.GetPropertyKeys()
-    if (
+    return not (
         style.GetRepresentation() != _SURFACE
         or style.GetOpacity() < 1
         or style.GetEdgeVisibility()
         or style.GetVertexVisibility()
-        or style.GetInterpolation() > 2
         or style.GetNumberOfTextures()
-        or style.GetAmbientColor() != style.GetDiffuseColor()
-        or actor.GetTexture() is not None
-        or actor.GetBackfaceProperty() is not None
         or actor.GetForceTranslucent()
         or (keys is not None and keys.GetNumberOfKeys())
         or actor.GetCoordinateSystem()
@@ -61,6 +57,18 @@ def look_of(actor: Any) -> tuple[Any, ...] | None:
         or mapper.GetClassName() not in _MAPPERS
         or mapper.GetClippingPlanes() is not None
         or mapper.GetResolveCoincidentTopology()
+    )
+
+
+def look_of(actor: Any) -> tuple[Any, ...] | None:
+    """What actors must share to be drawn by one call, their color excepted; None for one that is drawn on its own."""
+    style, mapper = actor.GetProperty(), actor.GetMapper()
+    if (
+        not is_surface(actor)
+        or style.GetInterpolation() > 2
+        or style.GetAmbientColor() != style.GetDiffuseColor()
+        or actor.GetTexture() is not None
+        or actor.GetBackfaceProperty() is not None
     ):
         return None
     data = mapper.GetInputDataObject(0, 0)
