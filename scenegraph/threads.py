@@ -13,7 +13,6 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from functools import cache
-from threading import Lock
 from types import TracebackType
 from typing import Any
 
@@ -21,8 +20,6 @@ from threadpoolctl import ThreadpoolController
 
 #: Workers at most: each has arrays of its own, and all wait for Python's lock between two operations.
 WORKERS = 4
-#: Held while `fast_simplification` works: it keeps the mesh in global variables from one call to the next.
-COLLAPSING = Lock()
 
 
 @cache

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenegraph.mesh import Mesh
+from scenegraph.meshes.collapsing import collapse
 from scenegraph.nodes import Geode, Transform
 from scenegraph.scene import Scene
 from scenegraph.snapshot import Snapshot
@@ -55,8 +56,6 @@ def _shared_limit(counts: NDArray[np.int64], enough: int) -> int:
 def _simplified(mesh: Mesh, limit: int) -> Mesh:
     if mesh.triangles <= limit or mesh.problems:
         return mesh
-    from fast_simplification import simplify
-
     # It refuses arrays that are read-only, as those of a mesh are.
-    points, faces = simplify(mesh.vertices.copy(), mesh.faces.copy(), target_reduction=1.0 - limit / mesh.triangles)
+    points, faces = collapse(mesh.vertices.copy(), mesh.faces.copy(), target_reduction=1.0 - limit / mesh.triangles)
     return Mesh(points, faces, color=mesh.color) if len(faces) else mesh

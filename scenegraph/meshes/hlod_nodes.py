@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..threads import COLLAPSING
+from .collapsing import collapse
 from .deviation import Surface, is_among, surface_deviation
 from .soup import Soup
 
@@ -108,14 +108,10 @@ def _collapsed(points: F64, faces: I64, most: int) -> tuple[F64, I64]:
     Not by way of `simplification.simplify`: that scales to unit size and back, after which the borders of neighbors
     differ in their last bits, and it measures both ways, which takes nine tenths of the time of a tree.
     """
-    # slow to import, and listing the stages does not need it
-    from fast_simplification import simplify
-
     # a power of two: dividing by it and multiplying by it changes no bit
     scale = 2.0 ** np.ceil(np.log2(float(np.abs(points).max()) or 1.0))
     points, faces = np.ascontiguousarray(points / scale), np.ascontiguousarray(faces, np.int32)
-    with COLLAPSING:
-        out, kept = simplify(points, faces, target_count=most, preserve_border=True)
+    out, kept = collapse(points, faces, target_count=most, preserve_border=True)
     used, kept = np.unique(np.asarray(kept, np.int64), return_inverse=True)
     return np.asarray(out, np.float64)[used] * scale, kept.reshape(-1, 3).astype(np.int64)
 

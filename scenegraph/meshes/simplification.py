@@ -27,9 +27,10 @@ from numpy.typing import NDArray
 from ..errors import SceneError
 from ..mesh import Mesh
 from ..progress import Progress, silent
-from ..threads import COLLAPSING, one_blas_thread
+from ..threads import one_blas_thread
 from .attributes import Carried, carried
 from .cache import DiskCache
+from .collapsing import collapse, replay
 from .deviation import Surface, surface_deviation
 
 F64 = NDArray[np.float64]
@@ -168,10 +169,6 @@ def _attribute_key(mesh: Mesh) -> str:
 
 
 def _levels(mesh: Mesh, wanted: Sequence[int], preserve_border: bool, progress: Progress) -> list[_Level]:
-    # slow to import, and listing the stages does not need it
-    from fast_simplification import replay_simplification
-    from fast_simplification import simplify as collapse
-
     low, high = mesh.bounds
     center, size = 0.5 * low + 0.5 * high, float((high - low).max())
     if not 0 < size < np.inf:
@@ -181,18 +178,16 @@ def _levels(mesh: Mesh, wanted: Sequence[int], preserve_border: bool, progress: 
     if len(faces) <= wanted[-1]:
         return []
     least = wanted[-1]
-    with COLLAPSING:
-        _, _, collapses = collapse(
-            points, faces, target_count=least, agg=_EAGERNESS, return_collapses=True, preserve_border=preserve_border
-        )
+    _, _, collapses = collapse(
+        points, faces, target_count=least, agg=_EAGERNESS, return_collapses=True, preserve_border=preserve_border
+    )
     original = Surface(points[faces])
     out: list[_Level] = []
     before, error = len(faces), 0.0
     for number, count in enumerate(wanted):
         progress(f"level of {count} triangles", (number + 0.5) / (len(wanted) + 0.5))
         some = collapses[: _enough(collapses, points, faces, count)]
-        with COLLAPSING:
-            left, kept, _ = replay_simplification(points, faces, some)
+        left, kept, _ = replay(points, faces, some)
         kept = _proper(np.asarray(kept, np.int64))
         if not len(kept):
             break

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..mesh import Mesh
+from ..meshes.collapsing import collapse
 from ..scene import Scene
 from .scatter import one_mesh
 from .shapes import Floats, Ints, icosphere, vertex_normals
@@ -107,13 +108,11 @@ def reduced(points: Floats, faces: Ints, count: int) -> tuple[Floats, Ints]:
     SceneError
         A closed surface and an odd number, or no triangles.
     """
-    from fast_simplification import simplify
-
     target = count
     coarse_points, coarse = points, faces
     while len(coarse) > count and target > 0:
         # it counts what it has collapsed, and may stop at one triangle more
-        found, corners = simplify(points.astype(np.float32), faces.astype(np.int32), target_count=target)
+        found, corners = collapse(points.astype(np.float32), faces.astype(np.int32), target_count=target)
         coarse_points, coarse = _welded(found.astype(np.float64), corners.astype(np.int64))
         target -= 1
     while 0 < len(coarse) < count:
