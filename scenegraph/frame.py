@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -133,9 +133,12 @@ class Frame:
 
     def drawn_triangles(self) -> int:
         """Triangles that this frame draws: visible rows at their levels, and stand-ins."""
-        return self._triangles(self.visible, self.level, self.standins)
+        return self.triangles_of(self.visible, self.level, self.standins)
 
-    def _triangles(self, visible: NDArray[np.bool_], level: NDArray[np.uint8], standins: list[StandIn]) -> int:
+    def triangles_of(
+        self, visible: NDArray[np.bool_], level: NDArray[np.uint8], standins: Sequence[StandIn] = ()
+    ) -> int:
+        """Triangles of (n,) visible rows at their (n,) levels, and of stand-ins."""
         rows = np.flatnonzero(visible)
         counts = self.snapshot.triangles
         picked = counts[0, rows] if len(counts) == 1 else counts[level[rows], rows]
@@ -153,7 +156,7 @@ class Frame:
         whole = int(self.snapshot.triangles[0].sum(dtype=np.int64)) if self.snapshot.n else 0
         for record, state in zip(self.record.stages, self._after, strict=True):
             record.triangles_before = whole
-            whole = record.triangles_after = whole if record.skipped else self._triangles(*state)
+            whole = record.triangles_after = whole if record.skipped else self.triangles_of(*state)
         self.record.triangles = whole
 
     def hidden_by(self) -> NDArray[np.int16]:

@@ -40,14 +40,10 @@ def rgba8(values: ArrayLike) -> NDArray[np.uint8]:
             colors = np.rint(np.clip(np.nan_to_num(colors), 0.0, 1.0) * 255)
     elif colors.dtype == np.uint16:
         colors = np.rint(colors / 257.0)
-    if colors.dtype == np.uint8:
-        # as VTK hands them over, by the thousand
-        if colors.shape[1] == 4:
-            return colors.copy()
-        return np.column_stack([colors, np.full(len(colors), 255, np.uint8)])
     if colors.shape[1] == 3:
-        colors = np.column_stack([colors, np.full(len(colors), 255)])
-    return np.asarray(np.clip(colors, 0, 255), np.uint8)
+        colors = np.column_stack([colors, np.full(len(colors), 255, np.uint8)])
+    # bytes need no clipping: VTK hands them over by the thousand
+    return colors.copy() if colors.dtype == np.uint8 else np.asarray(np.clip(colors, 0, 255), np.uint8)
 
 
 def as_rgba(value: Any) -> Color | None:

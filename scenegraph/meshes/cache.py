@@ -47,7 +47,10 @@ def cache_folder() -> Path:
 
 
 def _write(file: IO[bytes], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """As `np.savez_compressed`, which leaves no choice of the level: 1 takes half the time for no more bytes."""
+    """As `np.savez_compressed`, which leaves no choice of the level.
+
+    Level 1 takes two fifths of the time, for a hundredth more bytes at most.
+    """
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:

@@ -203,7 +203,7 @@ class UserActors:
             level = np.zeros(self.snapshot.n, np.uint8)
             rows = self._levels.row[coarse]
             level[rows] = frame.level[rows]
-            frame.record.triangles = int(self.snapshot.triangles[level[kept], np.flatnonzero(kept)].sum())
+            frame.record.triangles = frame.triangles_of(kept, level)
         places = np.flatnonzero(drawn & self._in_order)
         # a level is drawn on its own, and between the pieces of a batch as its actor would be
         order = np.where(np.isin(self._actor_at[places], coarse), -1, self._actor_at[places])
@@ -252,7 +252,7 @@ class UserActors:
             return
         # somebody added or removed something while the frame was drawn
         props = self._props
-        now = [props.GetItemAsObject(i) for i in range(props.GetNumberOfItems())]
+        now = list(props)
         gone, come = _without(self._shown, now), _without(now, self._shown)
         self._fill([*_without(self._list, gone), *come])
 

@@ -24,6 +24,9 @@ from scenegraph.compare.replication import (
 from scenegraph.testing import box_at
 from strict_json import parsed
 
+#: A suite, but for its pipelines.
+TOY: dict[str, Any] = {"name": "toy", "scene": {"name": "two"}, "width": 64, "height": 48, "frames": 3}
+
 
 def small_scene() -> Scene:
     """Two boxes, one before the other."""
@@ -33,15 +36,7 @@ def small_scene() -> Scene:
 
 def measured(laboratory: Laboratory) -> Replication:
     """Run one suite and lay one number beside the paper's, and one of our own."""
-    suite = {
-        "name": "toy",
-        "scene": {"name": "two"},
-        "width": 64,
-        "height": 48,
-        "frames": 3,
-        "quick": {"frames": 2},
-        "pipelines": [{"name": "none"}],
-    }
+    suite = TOY | {"quick": {"frames": 2}, "pipelines": [{"name": "none"}]}
     result = laboratory.run("two", suite)["pipelines"]["none"]
     cells = [
         Cell("Table 1", "two", "none", "Triangles", "", 20.0, result["drawn_triangles"]),
@@ -137,14 +132,7 @@ def test_numbers_are_short(value: float | None, text: str) -> None:
 
 def played(laboratory: Laboratory) -> Replication:
     """Play a path, and bring home a plot and a picture."""
-    suite = {
-        "name": "toy",
-        "scene": {"name": "two"},
-        "width": 64,
-        "height": 48,
-        "frames": 3,
-        "pipelines": [{"name": "none"}, {"name": "other"}],
-    }
+    suite = TOY | {"pipelines": [{"name": "none"}, {"name": "other"}]}
     found, whole = laboratory.play("two", suite, pictures=(0.0, 1.0), every=2)
     assert sorted(whole) == [0, 2]
     for one in found.values():
